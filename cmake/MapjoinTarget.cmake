@@ -1,0 +1,73 @@
+# mapjoin_target_defaults(<target>): what every target of this repository is compiled with. All of it
+# is PRIVATE: nobody who links mapjoin inherits it.
+
+set(MAPJOIN_WARNINGS
+    -Wall
+    -Wextra
+    -Wpedantic
+    -Wshadow
+    -Wnon-virtual-dtor
+    -Woverloaded-virtual
+    -Wold-style-cast)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  # What GCC 12 concludes about memory after inlining at -O3 is often wrong, for std::string and for
+  # Eigen's fixed-size storage alike. The sanitizers watch the same things in earnest.
+  list(APPEND MAPJOIN_WARNINGS -Wno-maybe-uninitialized -Wno-array-bounds -Wno-restrict
+       -Wno-stringop-overflow -Wno-stringop-overread)
+endif()
+
+set(MAPJOIN_PRECOMPILED_HEADERS
+    <Eigen/Dense>
+    <fmt/format.h>
+    <algorithm>
+    <array>
+    <cmath>
+    <cstddef>
+    <cstdint>
+    <functional>
+    <limits>
+    <memory>
+    <optional>
+    <span>
+    <string>
+    <string_view>
+    <tuple>
+    <type_traits>
+    <unordered_map>
+    <utility>
+    <vector>)
+
+function(mapjoin_target_defaults target)
+  target_compile_features(${target} PRIVATE cxx_std_20)
+  set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
+
+  # Nothing here reads errno after a square root, and without it the compiler can vectorise one.
+  target_compile_options(${target} PRIVATE ${MAPJOIN_WARNINGS} -fno-math-errno ${MAPJOIN_ARCH_FLAGS})
+  if(MAPJOIN_WARNINGS_AS_ERRORS)
+    target_compile_options(${target} PRIVATE -Werror)
+  endif()
+  # Bounds checks of the standard containers; they do not change the ABI.
+  target_compile_definitions(${target} PRIVATE $<$<CONFIG:Debug>:_GLIBCXX_ASSERTIONS>)
+
+  if(MAPJOIN_SANITIZE)
+    set(sanitize -fsanitize=${MAPJOIN_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
+    target_compile_options(${target} PRIVATE ${sanitize})
+    target_link_options(${target} PRIVATE ${sanitize})
+  endif()
+
+  if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+    # Otherwise a precompiled header carries its build time and ccache never sees it again.
+    target_compile_options(${target} PRIVATE "SHELL:-Xclang -fno-pch-timestamp")
+  endif()
+endfunction()
+
+# mapjoin_precompile_headers(<target> [REUSE_FROM <other target> | <more headers>...])
+function(mapjoin_precompile_headers target)
+  if(MAPJOIN_PRECOMPILE_HEADERS)
+    if("${ARGV1}" STREQUAL "REUSE_FROM")
+      target_precompile_headers(${target} REUSE_FROM ${ARGV2})
+    else()
+      target_precompile_headers(${target} PRIVATE ${MAPJOIN_PRECOMPILED_HEADERS} ${ARGN})
+    endif()
+  endif()
+endfunction()
