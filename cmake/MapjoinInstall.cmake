@@ -6,6 +6,9 @@ set(config_dir "${CMAKE_INSTALL_LIBDIR}/cmake/mapjoin")
 
 install(TARGETS mapjoin EXPORT mapjoinTargets INCLUDES DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
 if(MAPJOIN_BUILD_PROGRAM)
+  # For a shared library, wherever the prefix is moved to.
+  set_target_properties(mapjoin_program PROPERTIES INSTALL_RPATH
+                                                   "$ORIGIN/../${CMAKE_INSTALL_LIBDIR}")
   install(TARGETS mapjoin_program)
 endif()
 install(
