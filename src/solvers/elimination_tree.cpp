@@ -1,0 +1,160 @@
+#include "mapjoin/solvers/elimination_tree.h"
+
+#include <numeric>
+
+namespace mapjoin {
+namespace {
+
+using Index = std::int32_t;
+
+template <class T>
+void counts_to_starts(std::vector<T>& counts) {
+  std::exclusive_scan(counts.begin(), counts.end(), counts.begin(), T{0});
+}
+
+Index earliest(std::span<const Index> clique, std::span<const Index> position) {
+  Index first = -1;
+  for (const Index v : clique) {
+    if (first < 0 || position[v] < position[first]) first = v;
+  }
+  return first;
+}
+
+// Root of the set that holds `node`, in a forest of parent links that are halved on the way up.
+Index find_root(std::vector<Index>& ancestor, Index node) {
+  while (ancestor[node] != node) {
+    ancestor[node] = ancestor[ancestor[node]];
+    node = ancestor[node];
+  }
+  return node;
+}
+
+}  // namespace
+
+Stars clique_stars(std::span<const std::int32_t> position, Cliques cliques) {
+  Stars stars;
+  const std::size_t n = position.size();
+  stars.owner.resize(static_cast<std::size_t>(cliques.size()));
+  stars.later_start.assign(n + 1, 0);
+  stars.earlier_start.assign(n + 1, 0);
+  for (std::int64_t k = 0; k < cliques.size(); ++k) {
+    const Index owner = stars.owner[k] = earliest(cliques[k], position);
+    for (const Index v : cliques[k]) {
+      if (v == owner) continue;
+      ++stars.later_start[owner];
+      ++stars.earlier_start[v];
+    }
+  }
+  counts_to_starts(stars.later_start);
+  counts_to_starts(stars.earlier_start);
+  stars.later.resize(static_cast<std::size_t>(stars.later_start[n]));
+  stars.earlier.resize(stars.later.size());
+  std::vector<std::int64_t> next_later(stars.later_start.begin(), stars.later_start.end() - 1);
+  std::vector<std::int64_t> next_earlier(stars.earlier_start.begin(),
+                                         stars.earlier_start.end() - 1);
+  for (std::int64_t k = 0; k < cliques.size(); ++k) {
+    const Index owner = stars.owner[k];
+    for (const Index v : cliques[k]) {
+      if (v == owner) continue;
+      stars.later[next_later[owner]++] = v;
+      stars.earlier[next_earlier[v]++] = owner;
+    }
+  }
+  return stars;
+}
+
+std::vector<std::int32_t> elimination_tree(std::span<const std::int32_t> order,
+                                           std::span<const std::int32_t> position,
+                                           const Stars& stars) {
+  const auto n = static_cast<Index>(order.size());
+  std::vector<Index> parent(order.size(), -1);
+  std::vector<Index> ancestor(order.size(), -1);  // a shortcut upwards, at most to the current node
+  for (Index i = 0; i < n; ++i) {
+    const Index v = order[i];
+    for (std::int64_t e = stars.earlier_start[v]; e < stars.earlier_start[v + 1]; ++e) {
+      Index node = position[stars.earlier[e]];
+      while (node != -1 && node < i) {
+        const Index up = ancestor[node];
+        ancestor[node] = i;
+        if (up == -1) parent[node] = i;
+        node = up;
+      }
+    }
+  }
+  return parent;
+}
+
+std::vector<std::int32_t> postorder(std::span<const std::int32_t> parent) {
+  const auto n = static_cast<Index>(parent.size());
+  std::vector<Index> first_child(parent.size(), -1);
+  std::vector<Index> next_sibling(parent.size(), -1);
+  Index first_root = -1;
+  for (Index i = n - 1; i >= 0; --i) {
+    Index& head = parent[i] < 0 ? first_root : first_child[parent[i]];
+    next_sibling[i] = head;
+    head = i;
+  }
+  std::vector<Index> result;
+  result.reserve(parent.size());
+  Index node = first_root;
+  while (node >= 0) {
+    while (first_child[node] >= 0) node = first_child[node];
+    result.push_back(node);
+    // Up, until a node with a sibling still to visit; a node is written after its last child.
+    while (next_sibling[node] < 0 && parent[node] >= 0) {
+      node = parent[node];
+      result.push_back(node);
+    }
+    node = next_sibling[node];
+  }
+  return result;
+}
+
+std::vector<ColumnCount> column_counts(std::span<const std::int32_t> dims,
+                                       std::span<const std::int32_t> order,
+                                       std::span<const std::int32_t> position,
+                                       std::span<const std::int32_t> parent, const Stars& stars) {
+  const auto n = static_cast<Index>(order.size());
+  std::vector<ColumnCount> count(order.size());
+  const auto add = [&](Index at, Index row, int sign) {
+    count[at].scalars += sign * dims[order[row]];
+    count[at].blocks += sign;
+  };
+  // Row i's subtree is the set of columns with an entry in row i. Its weight is put on its leaves
+  // and taken off where two branches meet and above i; summing up the tree then gives, at column j,
+  // the weight of the rows whose subtree holds j.
+  std::vector<Index> first_descendant(order.size(), -1);
+  for (Index j = 0; j < n; ++j) {
+    if (first_descendant[j] < 0) {
+      first_descendant[j] = j;
+      add(j, j, 1);
+    }
+    if (parent[j] < 0) continue;
+    if (first_descendant[parent[j]] < 0) first_descendant[parent[j]] = first_descendant[j];
+    add(parent[j], j, -1);
+  }
+  std::vector<Index> last_first(order.size(), -1);  // per row: first descendant of the latest leaf
+  std::vector<Index> last_leaf(order.size(), -1);
+  std::vector<Index> ancestor(order.size());
+  std::iota(ancestor.begin(), ancestor.end(), 0);
+  for (Index j = 0; j < n; ++j) {
+    const Index v = order[j];
+    for (std::int64_t e = stars.later_start[v]; e < stars.later_start[v + 1]; ++e) {
+      const Index i = position[stars.later[e]];
+      if (first_descendant[j] <= last_first[i]) continue;  // j is not a leaf of row i's subtree
+      last_first[i] = first_descendant[j];
+      add(j, i, 1);
+      if (last_leaf[i] >= 0) add(find_root(ancestor, last_leaf[i]), i, -1);
+      last_leaf[i] = j;
+    }
+    if (parent[j] >= 0) ancestor[j] = parent[j];
+  }
+  for (Index j = 0; j < n; ++j) {
+    if (parent[j] < 0) continue;
+    count[parent[j]].scalars += count[j].scalars;
+    count[parent[j]].blocks += count[j].blocks;
+  }
+  return count;
+}
+
+}  // namespace mapjoin

@@ -1,0 +1,90 @@
+// Dense kernels of the fronts: a partial Cholesky factorization of one front, in tiles held in
+// vector registers.
+//
+// Storage follows one rule that makes the kernels free of remainder loops and masks: rows lie in
+// groups of kRowGroup, columns start on a 64-byte boundary, and only what lies on or below the
+// diagonal is meaningful. Tiles may therefore write whole row groups: above the diagonal and below
+// the last row they leave values nobody reads.
+//
+// Each tile is computed by the same operations in the same order whoever computes it, so a front
+// split among threads gives the same bits as one computed alone.
+#pragma once
+
+#include <cstdint>
+
+#include "mapjoin/solvers/fronts.h"
+
+namespace mapjoin {
+
+/// A front in memory. Element (i, j), i >= j, lies at column(j)[i]; row `rows` holds the right-hand
+/// side.
+class FrontView {
+ public:
+  FrontView(const Front& front, double* factor, double* workspace)
+      : panel_(factor + front.panel),
+        /// Row p of S is aligned as row p of the panel: its columns start with the row group that
+        /// holds row p.
+        update_(workspace + front.update - front.pivot_dim / kRowGroup * kRowGroup),
+        pivot_dim_(front.pivot_dim),
+        rows_(front.rows()),
+        panel_stride_(front.panel_stride),
+        update_stride_(front.update_stride) {}
+
+  int pivot_dim() const { return pivot_dim_; }
+  int rows() const { return rows_; }
+  int stride() const { return panel_stride_; }
+  int update_stride() const { return update_stride_; }
+
+  double* panel() const { return panel_; }
+  double* column(int j) const {
+    return j < pivot_dim_ ? panel_ + static_cast<std::int64_t>(j) * panel_stride_
+                          : update_ + static_cast<std::int64_t>(j - pivot_dim_) * update_stride_;
+  }
+  double& rhs(int j) const { return column(j)[rows_]; }
+
+  /// Adds a block of H whose first element is (row, col). Off the diagonal it may lie on either
+  /// side: what belongs above is added transposed. On the diagonal (row == col) give all of it, or
+  /// its lower triangle.
+  template <class Block>
+  void add(int row, int col, const Block& block) const {
+    if (row >= col) {
+      for (int j = 0; j < block.cols(); ++j) {
+        double* const to = column(col + j) + row;
+        for (int i = row == col ? j : 0; i < block.rows(); ++i) to[i] += block(i, j);
+      }
+    } else {
+      for (int i = 0; i < block.rows(); ++i) {
+        double* const to = column(row + i) + col;
+        for (int j = 0; j < block.cols(); ++j) to[j] += block(i, j);
+      }
+    }
+  }
+  template <class Vector>
+  void add_rhs(int row, const Vector& b) const {
+    for (int i = 0; i < b.size(); ++i) rhs(row + i) += b(i);
+  }
+
+ private:
+  double* panel_;
+  double* update_;
+  int pivot_dim_;
+  int rows_;
+  std::int64_t panel_stride_;
+  std::int64_t update_stride_;
+};
+
+/// Runs body(context, i) for i = 0 .. count - 1, in any order, perhaps on several threads; returns
+/// when all are done.
+struct LoopRunner {
+  using Body = void (*)(void* context, int i);
+  void (*run)(void* runner, int count, void* context, Body body) = nullptr;  ///< null: a plain loop
+  void* runner = nullptr;
+};
+
+/// Eliminates the pivots: L11, L21 and y in the panel, S minus its share in the update matrix.
+/// `smallest[j]` is the least value that pivot j may have. Returns -1, or the first pivot that is
+/// below (or NaN); the elimination goes on with 1 in its place, so that what follows is finite, if
+/// meaningless.
+int eliminate_pivots(const FrontView& front, const double* smallest, LoopRunner loop = {});
+
+}  // namespace mapjoin

@@ -1,0 +1,21 @@
+// Where the fronts' numbers live, and which thread may work on what: the last step of the analysis.
+#pragma once
+
+#include "mapjoin/solvers/fronts.h"
+
+namespace mapjoin {
+
+/// Splits the fronts into tasks: subtrees small enough to balance, grouped when tiny, and above
+/// them single fronts or short paths. The split depends on the structure alone, never on the number
+/// of threads. Fills structure.tasks.
+void plan_tasks(FrontalStructure& structure, const FrontCostModel& cost);
+
+/// Gives every panel and every update matrix a fixed place; needs the tasks. Fills strides, offsets
+/// and the sizes in structure.statistics.
+//
+/// Each task has its own part of the workspace, with two stacks in it: fronts of even and of odd
+/// depth. A front's children are all on the other stack than its own update matrix, on top of it,
+/// when they are added and dropped; so nothing is ever moved.
+void plan_memory(FrontalStructure& structure);
+
+}  // namespace mapjoin

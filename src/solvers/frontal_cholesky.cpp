@@ -1,0 +1,111 @@
+#include "mapjoin/solvers/frontal_cholesky.h"
+
+#include <algorithm>
+#include <limits>
+#include <new>
+
+#include "mapjoin/solvers/extend_add.h"
+
+namespace mapjoin {
+namespace {
+
+using Index = std::int32_t;
+
+constexpr Index kNoFailure = std::numeric_limits<Index>::max();
+constexpr double kSharedFrontFlops = 1e6;  // below, asking others to help costs more than it brings
+
+// Only what lies on or below the diagonal, to whole row groups; the kernels may read one tile above
+// it.
+void clear_columns(const FrontView& front, int begin, int end) {
+  const int row_end = (front.rows() + kRowGroup) / kRowGroup * kRowGroup;
+  for (int j = begin; j < end; ++j) {
+    const int top = j < front.pivot_dim() ? 0 : front.pivot_dim() / kRowGroup * kRowGroup;
+    const int row = std::max(top, (j - kRowGroup + 1) / kRowGroup * kRowGroup);
+    std::fill(front.column(j) + row, front.column(j) + row_end, 0.0);
+  }
+}
+
+}  // namespace
+
+double* FrontalCholesky::Buffer::require(std::int64_t size) {
+  if (size > size_) {
+    data_.reset();
+    data_.reset(static_cast<double*>(
+        ::operator new[](static_cast<std::size_t>(size) * sizeof(double), std::align_val_t{64})));
+    size_ = size;
+  }
+  return data_.get();
+}
+
+FactorStatus FrontalCholesky::factorize(const FrontalStructure& structure, Assembler assemble,
+                                        WorkerPool& pool) {
+  structure_ = &structure;
+  factor_.require(structure.statistics.factor_bytes / static_cast<std::int64_t>(sizeof(double)));
+  workspace_.require(structure.statistics.workspace_bytes /
+                     static_cast<std::int64_t>(sizeof(double)));
+  // Per thread: the diagonal of H in the rows of a front, then the bounds of its pivots.
+  const std::int64_t rows =
+      (structure.statistics.largest_front + 2 * kRowGroup) / kRowGroup * kRowGroup;
+  scratch_.require(2 * rows * pool.threads());
+  first_failure_ = kNoFailure;
+
+  const auto factor_task = [&](int thread, int task, LoopRunner loop) {
+    double* const scratch = scratch_.data() + 2 * rows * thread;
+    for (Index f = structure.tasks[task].begin; f < structure.tasks[task].end; ++f) {
+      factor_front(f, assemble, scratch, loop);
+    }
+  };
+  const int tasks = static_cast<int>(structure.tasks.size());
+  if (pool.threads() == 1) {
+    for (int t = 0; t < tasks; ++t) factor_task(0, t, {});
+  } else {
+    scheduler_.reset(structure.tasks, pool.threads());
+    pool.run([&](int thread) {
+      scheduler_.work(thread, [&](int task, LoopRunner loop) { factor_task(thread, task, loop); });
+    });
+  }
+  if (first_failure_ == kNoFailure) return {};
+  const auto& starts = structure.scalar_at;
+  const auto after = std::upper_bound(starts.begin(), starts.end(), first_failure_.load());
+  return {.failed_variable = structure.order[after - starts.begin() - 1]};
+}
+
+void FrontalCholesky::factor_front(Index f, Assembler assemble, double* scratch, LoopRunner loop) {
+  const Front& front = structure_->fronts[f];
+  // Later fronts cannot change what failed first; earlier ones can, and are never skipped.
+  if (front.first_scalar > first_failure_.load(std::memory_order_relaxed)) return;
+  const FrontView view(front, factor_.data(), workspace_.data());
+  const auto children = structure_->children_of(f);
+  if (loop.run != nullptr && front_flops(front.pivot_dim, front.update_dim) < kSharedFrontFlops)
+    loop = {};
+
+  for_each_column_range(view.rows(), loop,
+                        [&](int begin, int end) { clear_columns(view, begin, end); });
+  assemble.call(assemble.object, f, view);
+  double* const diagonal = scratch;
+  for (int j = 0; j < view.rows(); ++j) diagonal[j] = view.column(j)[j];
+  for_each_column_range(view.rows(), loop, [&](int begin, int end) {
+    for (const Index child : children) {
+      extend_add(view, UpdateMatrix(structure_->fronts[child], workspace_.data()),
+                 structure_->runs_of(child), begin, end);
+    }
+  });
+  for (const Index child : children) {
+    extend_add_diagonal(diagonal, UpdateMatrix(structure_->fronts[child], workspace_.data()),
+                        structure_->runs_of(child));
+  }
+  std::copy(diagonal + front.pivot_dim, diagonal + view.rows(),
+            UpdateMatrix(front, workspace_.data()).diagonal());
+
+  double* const smallest = diagonal + view.rows();
+  for (int j = 0; j < front.pivot_dim; ++j)
+    smallest[j] = std::max(0.0, options_.smallest_pivot * diagonal[j]);
+  const int failed = eliminate_pivots(view, smallest, loop);
+  if (failed < 0) return;
+  Index known = first_failure_.load();
+  while (front.first_scalar + failed < known &&
+         !first_failure_.compare_exchange_weak(known, front.first_scalar + failed)) {
+  }
+}
+
+}  // namespace mapjoin

@@ -1,0 +1,136 @@
+// Block multifrontal Cholesky factorization of H = sum over cliques, and the solution of H x = b.
+//
+//   const auto order = order_blocks(dims, cliques);
+//   const FrontalStructure structure = analyze(dims, cliques, order);
+//   WorkerPool pool(2);
+//   FrontalCholesky cholesky;
+//   const auto assemble = [&](std::int32_t front, const FrontView& view) {
+//     for (const std::int64_t k : structure.owned_by(front)) {
+//       const auto row = structure.clique_rows(k);  // per variable of clique k
+//       view.add(row[0], row[0], H00(k));
+//       view.add(row[1], row[0], H10(k));           // either side of the diagonal
+//       view.add(row[1], row[1], H11(k));
+//       view.add_rhs(row[0], b0(k));
+//       view.add_rhs(row[1], b1(k));
+//     }
+//   };
+//   if (const FactorStatus status = cholesky.factorize(structure, assemble, pool); !status.ok())
+//   ... cholesky.solve(x, pool);                        // x in the order of the variables
+//
+// Results are the same bits for any number of threads.
+#pragma once
+
+#include <Eigen/Core>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <type_traits>
+#include <vector>
+
+#include "mapjoin/solvers/front_kernels.h"
+#include "mapjoin/solvers/fronts.h"
+#include "mapjoin/solvers/tree_scheduler.h"
+#include "mapjoin/solvers/worker_pool.h"
+
+namespace mapjoin {
+
+struct FactorOptions {
+  /// A pivot must exceed this share of the diagonal entry of H it came from: what is left below may
+  /// be rounding error.
+  ///
+  /// No value separates the two for sure. Measured on maps without any anchor, where the last pivot
+  /// should be 0: up to 2e-14 for 1000 variables, 1e-11 for 100,000. A long chain anchored at one
+  /// end has honest pivots as small as that.
+  double smallest_pivot = 1e-13;
+};
+
+struct FactorStatus {
+  std::int32_t failed_variable =
+      -1;  ///< the first, in elimination order, that is not determined; -1 if all are
+
+  bool ok() const { return failed_variable < 0; }
+};
+
+/// The conditional of a front's pivots given its update set: L11 x = y - L21' u, read from the
+/// stored panel.
+struct FrontConditional {
+  using Panel = Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
+  Panel l11;  ///< p x p; its lower triangle only, what is above is undefined
+  Panel l21;  ///< q x p
+  Eigen::Map<const Eigen::RowVectorXd, 0, Eigen::InnerStride<>>
+      y;  ///< right-hand side after elimination
+};
+
+class FrontalCholesky {
+ public:
+  explicit FrontalCholesky(const FactorOptions& options = {}) : options_(options) {}
+
+  /// Factors H and eliminates b with it. Memory is kept for the next call.
+  ///
+  /// assemble(front, view) adds the cliques of structure.owned_by(front) to the view, which is zero
+  /// at first. Called once for each front, from several threads at a time for different fronts; it
+  /// must not throw. `structure` must outlive the factor. When the status is not ok, the factor is
+  /// of no use.
+  template <class Assemble>
+  FactorStatus factorize(const FrontalStructure& structure, Assemble&& assemble, WorkerPool& pool) {
+    using Type = std::remove_reference_t<Assemble>;
+    const auto call = [](const void* object, std::int32_t front, const FrontView& view) {
+      (*static_cast<Type*>(const_cast<void*>(object)))(front, view);
+    };
+    return factorize(structure, Assembler{.call = call, .object = std::addressof(assemble)}, pool);
+  }
+  template <class Assemble>
+  FactorStatus factorize(const FrontalStructure& structure, Assemble&& assemble) {
+    WorkerPool caller_only;
+    return factorize(structure, assemble, caller_only);
+  }
+
+  /// x = H^-1 b for the assembled b, in the order of the variables: back substitution only.
+  void solve(Eigen::Ref<Eigen::VectorXd> x, WorkerPool& pool) const;
+  void solve(Eigen::Ref<Eigen::VectorXd> x) const;
+
+  /// B := H^-1 B for any right-hand sides (rows in the order of the variables, one column each).
+  void solve_in_place(Eigen::Ref<Eigen::MatrixXd> b) const;
+
+  const FrontalStructure& structure() const { return *structure_; }
+  FrontConditional conditional(std::int32_t front) const;
+
+  /// The logarithm of det H.
+  double log_determinant() const;
+  /// b' H^-1 b for the assembled b: how much the cost 1/2 x' H x - b' x falls, twice.
+  double squared_norm_of_y() const;
+
+ private:
+  struct Assembler {
+    void (*call)(const void* object, std::int32_t front, const FrontView& view);
+    const void* object;
+  };
+  /// Cache lines are 64 bytes; so are the widest vectors.
+  struct AlignedFree {
+    void operator()(double* p) const { ::operator delete[](p, std::align_val_t{64}); }
+  };
+  class Buffer {
+   public:
+    double* require(std::int64_t size);
+    double* data() const { return data_.get(); }
+
+   private:
+    std::unique_ptr<double[], AlignedFree> data_;
+    std::int64_t size_ = 0;
+  };
+
+  FactorStatus factorize(const FrontalStructure& structure, Assembler assemble, WorkerPool& pool);
+  void factor_front(std::int32_t front, Assembler assemble, double* scratch, LoopRunner loop);
+  void back_substitute(std::int32_t front, double* x, double* local) const;
+
+  FactorOptions options_;
+  const FrontalStructure* structure_ = nullptr;
+  Buffer factor_;
+  Buffer workspace_;
+  Buffer scratch_;
+  TreeScheduler scheduler_;
+  std::atomic<std::int32_t> first_failure_ = 0;  ///< in scalars of the elimination order
+};
+
+}  // namespace mapjoin

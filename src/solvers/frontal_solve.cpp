@@ -1,0 +1,161 @@
+// Triangular solves with the factor: the tree from the leaves up (forward) and from the roots down
+// (backward).
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <vector>
+
+#include "mapjoin/solvers/frontal_cholesky.h"
+
+namespace mapjoin {
+namespace {
+
+using Index = std::int32_t;
+
+// Backward substitution in one front. `x` holds, by row: anything at the pivots, the update
+// variables' solution, -1 for the right-hand side row, zeros up to a whole row group. Four columns
+// at a time: L is read once, x from registers.
+void solve_pivots_backward(const double* panel, std::int64_t stride, int pivots, int row_end,
+                           double* x) {
+  constexpr int kColumns = 4;
+  for (int c = (pivots - 1) / kColumns * kColumns; c >= 0; c -= kColumns) {
+    const int width = std::min(kColumns, pivots - c);
+    const int below = std::min(c + kRowGroup, row_end) / kRowGroup * kRowGroup;
+    double sum[kColumns] = {};
+    for (int n = 0; n < width; ++n) {
+      const double* const column = panel + (c + n) * stride;
+      double part[kRowGroup] = {};
+      for (int i = below; i < row_end; i += kRowGroup) {
+        for (int l = 0; l < kRowGroup; ++l) part[l] += column[i + l] * x[i + l];
+      }
+      for (int i = c + width; i < below; ++i) sum[n] += column[i] * x[i];
+      for (int l = 0; l < kRowGroup; ++l) sum[n] += part[l];
+    }
+    for (int n = width - 1; n >= 0; --n) {
+      const double* const column = panel + (c + n) * stride;
+      for (int i = n + 1; i < width; ++i) sum[n] += column[c + i] * x[c + i];
+      x[c + n] = -sum[n] / column[c + n];
+    }
+  }
+}
+
+}  // namespace
+
+void FrontalCholesky::back_substitute(Index f, double* x, double* local) const {
+  const Front& front = structure_->fronts[f];
+  const auto& scalar_at = structure_->scalar_at;
+  double* to = local + front.pivot_dim;
+  for (const Index position : structure_->updates_of(f)) {
+    for (Index i = scalar_at[position]; i < scalar_at[position + 1]; ++i) *to++ = x[i];
+  }
+  *to++ = -1;
+  const int row_end = (front.rows() + kRowGroup) / kRowGroup * kRowGroup;
+  std::fill(to, local + row_end, 0.0);
+  solve_pivots_backward(factor_.data() + front.panel, front.panel_stride, front.pivot_dim, row_end,
+                        local);
+  std::copy(local, local + front.pivot_dim, x + front.first_scalar);
+}
+
+void FrontalCholesky::solve(Eigen::Ref<Eigen::VectorXd> x, WorkerPool& pool) const {
+  const FrontalStructure& s = *structure_;
+  std::vector<double> by_position(static_cast<std::size_t>(s.scalar_at.back()));
+  const auto tasks = static_cast<int>(s.tasks.size());
+  // Tasks are taken from the last to the first. A task waits for its parent, which was taken before
+  // it: so nobody waits forever.
+  std::atomic<int> untaken = tasks;
+  std::vector<std::atomic<bool>> done(s.tasks.size());
+  pool.run([&](int) {
+    std::vector<double> local(static_cast<std::size_t>(s.statistics.largest_front + 2 * kRowGroup));
+    for (int t = --untaken; t >= 0; t = --untaken) {
+      const FrontTask& task = s.tasks[t];
+      while (task.parent >= 0 && !done[task.parent].load(std::memory_order_acquire))
+        std::this_thread::yield();
+      for (Index f = task.end; f-- > task.begin;)
+        back_substitute(f, by_position.data(), local.data());
+      done[t].store(true, std::memory_order_release);
+    }
+  });
+  for (std::size_t k = 0; k < s.order.size(); ++k) {
+    const Index length = s.scalar_at[k + 1] - s.scalar_at[k];
+    std::copy_n(by_position.data() + s.scalar_at[k], length, x.data() + s.scalar_of[s.order[k]]);
+  }
+}
+
+void FrontalCholesky::solve(Eigen::Ref<Eigen::VectorXd> x) const {
+  WorkerPool caller_only;
+  solve(x, caller_only);
+}
+
+FrontConditional FrontalCholesky::conditional(Index f) const {
+  const Front& front = structure_->fronts[f];
+  const double* const panel = factor_.data() + front.panel;
+  const Eigen::OuterStride<> stride(front.panel_stride);
+  return {.l11 = {panel, front.pivot_dim, front.pivot_dim, stride},
+          .l21 = {panel + front.pivot_dim, front.update_dim, front.pivot_dim, stride},
+          .y = {panel + front.rows(), front.pivot_dim, Eigen::InnerStride<>(front.panel_stride)}};
+}
+
+void FrontalCholesky::solve_in_place(Eigen::Ref<Eigen::MatrixXd> b) const {
+  const FrontalStructure& s = *structure_;
+  const Eigen::Index columns = b.cols();
+  Eigen::MatrixXd x(b.rows(), columns);
+  const auto for_each_block = [&](auto&& body) {
+    for (std::size_t k = 0; k < s.order.size(); ++k) {
+      body(s.scalar_at[k], s.scalar_of[s.order[k]], s.scalar_at[k + 1] - s.scalar_at[k]);
+    }
+  };
+  for_each_block(
+      [&](Index at, Index of, Index dim) { x.middleRows(at, dim) = b.middleRows(of, dim); });
+
+  Eigen::MatrixXd local(s.statistics.largest_front, columns);
+  const auto for_each_update = [&](Index f, auto&& body) {
+    Index row = 0;
+    for (const Index k : s.updates_of(f)) {
+      const Index dim = s.scalar_at[k + 1] - s.scalar_at[k];
+      body(s.scalar_at[k], row, dim);
+      row += dim;
+    }
+  };
+  for (Index f = 0; f < static_cast<Index>(s.fronts.size()); ++f) {
+    const FrontConditional front = conditional(f);
+    auto pivots = x.middleRows(s.fronts[f].first_scalar, s.fronts[f].pivot_dim);
+    auto updates = local.topRows(s.fronts[f].update_dim);
+    front.l11.triangularView<Eigen::Lower>().solveInPlace(pivots);
+    updates.noalias() = front.l21 * pivots;
+    for_each_update(f, [&](Index at, Index row, Index dim) {
+      x.middleRows(at, dim) -= updates.middleRows(row, dim);
+    });
+  }
+  for (Index f = static_cast<Index>(s.fronts.size()); f-- > 0;) {
+    const FrontConditional front = conditional(f);
+    auto pivots = x.middleRows(s.fronts[f].first_scalar, s.fronts[f].pivot_dim);
+    auto updates = local.topRows(s.fronts[f].update_dim);
+    for_each_update(f, [&](Index at, Index row, Index dim) {
+      updates.middleRows(row, dim) = x.middleRows(at, dim);
+    });
+    pivots.noalias() -= front.l21.transpose() * updates;
+    front.l11.transpose().triangularView<Eigen::Upper>().solveInPlace(pivots);
+  }
+  for_each_block(
+      [&](Index at, Index of, Index dim) { b.middleRows(of, dim) = x.middleRows(at, dim); });
+}
+
+double FrontalCholesky::log_determinant() const {
+  double sum = 0;
+  for (Index f = 0; f < static_cast<Index>(structure_->fronts.size()); ++f) {
+    const auto l11 = conditional(f).l11;
+    for (Index j = 0; j < l11.cols(); ++j) sum += 2 * std::log(l11(j, j));
+  }
+  return sum;
+}
+
+double FrontalCholesky::squared_norm_of_y() const {
+  double sum = 0;
+  for (Index f = 0; f < static_cast<Index>(structure_->fronts.size()); ++f)
+    sum += conditional(f).y.squaredNorm();
+  return sum;
+}
+
+}  // namespace mapjoin

@@ -1,0 +1,237 @@
+#include "mapjoin/solvers/fronts.h"
+
+#include <algorithm>
+#include <limits>
+#include <numeric>
+#include <string>
+
+#include "mapjoin/graph/error.h"
+#include "mapjoin/solvers/elimination_tree.h"
+#include "mapjoin/solvers/front_layout.h"
+
+namespace mapjoin {
+namespace {
+
+using Index = std::int32_t;
+
+std::vector<Index> inverse(std::span<const Index> permutation) {
+  std::vector<Index> result(permutation.size(), -1);
+  for (std::size_t i = 0; i < permutation.size(); ++i) {
+    const Index v = permutation[i];
+    if (v < 0 || v >= static_cast<Index>(permutation.size()) || result[v] >= 0) {
+      throw InputError("analyze: the order is not a permutation at position " + std::to_string(i));
+    }
+    result[v] = static_cast<Index>(i);
+  }
+  return result;
+}
+
+// dims[index[0]], dims[index[1]], ... summed up from 0.
+template <class IndexOf>
+std::vector<Index> running_sums(std::span<const Index> dims, IndexOf index) {
+  std::vector<Index> sums(dims.size() + 1);
+  std::int64_t sum = 0;
+  for (std::size_t i = 0; i < dims.size(); ++i) {
+    const Index dim = dims[index(i)];
+    if (dim < 1) throw InputError("analyze: a variable has dimension " + std::to_string(dim));
+    sums[i] = static_cast<Index>(sum);
+    sum += dim;
+    if (sum > std::numeric_limits<Index>::max())
+      throw InputError("analyze: more than 2^31 scalars");
+  }
+  sums.back() = static_cast<Index>(sum);
+  return sums;
+}
+
+// Renumbers positions by a postorder of their elimination tree; an equivalent order.
+void apply_postorder(std::vector<Index>& order, std::vector<Index>& position,
+                     std::vector<Index>& parent) {
+  const std::vector<Index> post = postorder(parent);
+  const std::vector<Index> old_order = order;
+  const std::vector<Index> old_parent = parent;
+  const std::vector<Index> renumbered = inverse(post);
+  for (std::size_t k = 0; k < post.size(); ++k) {
+    order[k] = old_order[post[k]];
+    position[order[k]] = static_cast<Index>(k);
+    parent[k] = old_parent[post[k]] < 0 ? -1 : renumbered[old_parent[post[k]]];
+  }
+}
+
+class Analysis {
+ public:
+  Analysis(std::span<const Index> dims, Cliques cliques, std::span<const Index> order,
+           const MergingOptions& options)
+      : cliques_(cliques), options_(options) {
+    if (order.size() != dims.size())
+      throw InputError("analyze: the order has another size than dims");
+    s_.dims.assign(dims.begin(), dims.end());
+    s_.order.assign(order.begin(), order.end());
+    s_.position = inverse(order);
+    s_.scalar_of = running_sums(dims, [](std::size_t v) { return v; });
+  }
+
+  FrontalStructure run() {
+    stars_ = clique_stars(s_.position, cliques_);
+    form_fronts();
+    list_children();
+    list_updates();
+    assign_cliques();
+    locate_rows();
+    plan_tasks(s_, options_.cost);
+    plan_memory(s_);
+    return std::move(s_);
+  }
+
+ private:
+  Index front_count() const { return static_cast<Index>(s_.fronts.size()); }
+  Index dim_at(Index position) const { return s_.scalar_at[position + 1] - s_.scalar_at[position]; }
+
+  void form_fronts() {
+    std::vector<Index> parent = elimination_tree(s_.order, s_.position, stars_);
+    apply_postorder(s_.order, s_.position, parent);
+    const auto count = column_counts(s_.dims, s_.order, s_.position, parent, stars_);
+    std::vector<Index> column_dim(s_.order.size());
+    for (std::size_t k = 0; k < column_dim.size(); ++k) column_dim[k] = s_.dims[s_.order[k]];
+    const FrontPartition partition = partition_into_fronts(column_dim, parent, count, options_);
+
+    s_.fronts.resize(static_cast<std::size_t>(partition.fronts()));
+    s_.update_start.assign(s_.fronts.size() + 1, 0);
+    for (Index f = 0; f < front_count(); ++f) {
+      s_.fronts[f].parent = partition.parent[f];
+      s_.fronts[f].pivot_dim = partition.pivot_dim[f];
+      s_.fronts[f].update_dim = partition.update_dim[f];
+      s_.update_start[f + 1] = s_.update_start[f] + partition.update_blocks[f];
+    }
+    reorder_by_front(partition.front_of);
+  }
+
+  // Makes the pivots of each front consecutive, in their former order.
+  void reorder_by_front(const std::vector<Index>& front_of) {
+    std::vector<Index> next(s_.fronts.size() + 1, 0);
+    for (const Index f : front_of) ++next[f + 1];
+    std::inclusive_scan(next.begin(), next.end(), next.begin());
+    for (Index f = 0; f < front_count(); ++f) {
+      s_.fronts[f].first_position = next[f];
+      s_.fronts[f].end_position = next[f + 1];
+    }
+    const std::vector<Index> old_order = std::move(s_.order);
+    s_.order.assign(old_order.size(), 0);
+    front_at_.resize(old_order.size());
+    for (std::size_t k = 0; k < old_order.size(); ++k) {
+      const Index position = next[front_of[k]]++;
+      s_.order[position] = old_order[k];
+      s_.position[old_order[k]] = position;
+      front_at_[position] = front_of[k];
+    }
+    s_.scalar_at = running_sums(s_.dims, [&](std::size_t k) { return s_.order[k]; });
+    for (Front& front : s_.fronts) front.first_scalar = s_.scalar_at[front.first_position];
+  }
+
+  void list_children() {
+    s_.child_start.assign(s_.fronts.size() + 1, 0);
+    for (const Front& front : s_.fronts) {
+      if (front.parent >= 0) ++s_.child_start[front.parent + 1];
+    }
+    std::inclusive_scan(s_.child_start.begin(), s_.child_start.end(), s_.child_start.begin());
+    s_.children.resize(static_cast<std::size_t>(s_.child_start.back()));
+    std::vector<Index> next(s_.child_start.begin(), s_.child_start.end() - 1);
+    for (Index f = 0; f < front_count(); ++f) {
+      if (s_.fronts[f].parent >= 0) s_.children[next[s_.fronts[f].parent]++] = f;
+    }
+  }
+
+  // Row i of the factor is nonzero in the fronts on the paths from the columns coupled with i up to
+  // i's own front. Rows come in ascending order, so each front's list is sorted as it grows.
+  void list_updates() {
+    s_.updates.resize(static_cast<std::size_t>(s_.update_start.back()));
+    std::vector<std::int64_t> next(s_.update_start.begin(), s_.update_start.end() - 1);
+    std::vector<Index> visited_by(s_.fronts.size(), -1);
+    for (Index i = 0; i < static_cast<Index>(s_.order.size()); ++i) {
+      visited_by[front_at_[i]] = i;
+      const Index v = s_.order[i];
+      for (std::int64_t e = stars_.earlier_start[v]; e < stars_.earlier_start[v + 1]; ++e) {
+        Index f = front_at_[s_.position[stars_.earlier[e]]];
+        for (; visited_by[f] != i; f = s_.fronts[f].parent) {
+          visited_by[f] = i;
+          s_.updates[next[f]++] = i;
+        }
+      }
+    }
+  }
+
+  void assign_cliques() {
+    s_.owned_start.assign(s_.fronts.size() + 1, 0);
+    const auto front_of_clique = [&](std::int64_t k) {
+      return front_at_[s_.position[stars_.owner[k]]];
+    };
+    for (std::int64_t k = 0; k < cliques_.size(); ++k) {
+      if (stars_.owner[k] >= 0) ++s_.owned_start[front_of_clique(k) + 1];
+    }
+    std::inclusive_scan(s_.owned_start.begin(), s_.owned_start.end(), s_.owned_start.begin());
+    s_.owned.resize(static_cast<std::size_t>(s_.owned_start.back()));
+    std::vector<std::int64_t> next(s_.owned_start.begin(), s_.owned_start.end() - 1);
+    for (std::int64_t k = 0; k < cliques_.size(); ++k) {
+      if (stars_.owner[k] >= 0) s_.owned[next[front_of_clique(k)]++] = k;
+    }
+  }
+
+  // For each front in turn: writes down the row of each of its variables, then looks up children
+  // and cliques in that.
+  void locate_rows() {
+    s_.clique_start.assign(cliques_.start.begin(), cliques_.start.end());
+    s_.clique_row.resize(cliques_.vars.size());
+    std::vector<Index> row_at(s_.order.size());
+    s_.run_range.resize(s_.fronts.size());
+    for (Index f = 0; f < front_count(); ++f) {
+      const Front& front = s_.fronts[f];
+      for (Index k = front.first_position; k < front.end_position; ++k) {
+        row_at[k] = s_.scalar_at[k] - front.first_scalar;
+      }
+      Index row = front.pivot_dim;
+      for (const Index k : s_.updates_of(f)) {
+        row_at[k] = row;
+        row += dim_at(k);
+      }
+      for (const Index child : s_.children_of(f)) find_runs(child, row_at, row);
+      for (const std::int64_t clique : s_.owned_by(f)) {
+        for (std::int64_t e = cliques_.start[clique]; e < cliques_.start[clique + 1]; ++e) {
+          s_.clique_row[e] = row_at[s_.position[cliques_.vars[e]]];
+        }
+      }
+    }
+  }
+
+  // Appends the runs of `child` in its parent's rows; the right-hand side goes from its last row to
+  // `rhs_row`.
+  void find_runs(Index child, std::span<const Index> row_at, Index rhs_row) {
+    const std::int64_t begin = static_cast<std::int64_t>(s_.runs.size());
+    RowRun run;
+    const auto append = [&](Index to, Index length) {
+      if (run.length > 0 && run.to + run.length == to) {
+        run.length += length;
+        return;
+      }
+      if (run.length > 0) s_.runs.push_back(run);
+      run = {.from = run.from + run.length, .to = to, .length = length};
+    };
+    for (const Index k : s_.updates_of(child)) append(row_at[k], dim_at(k));
+    append(rhs_row, 1);
+    s_.runs.push_back(run);
+    s_.run_range[child] = {.begin = begin, .end = static_cast<std::int64_t>(s_.runs.size())};
+  }
+
+  Cliques cliques_;
+  MergingOptions options_;
+  FrontalStructure s_;
+  Stars stars_;
+  std::vector<Index> front_at_;  // per position
+};
+
+}  // namespace
+
+FrontalStructure analyze(std::span<const std::int32_t> dims, Cliques cliques,
+                         std::span<const std::int32_t> order, const MergingOptions& options) {
+  return Analysis(dims, cliques, order, options).run();
+}
+
+}  // namespace mapjoin

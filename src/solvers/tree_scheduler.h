@@ -1,0 +1,70 @@
+// Hands the tasks of a tree to threads, children before parents, and lets idle threads help with
+// loops inside large tasks.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <vector>
+
+#include "mapjoin/solvers/front_kernels.h"
+#include "mapjoin/solvers/fronts.h"
+
+namespace mapjoin {
+
+/// A loop that its owner has opened to helpers: iterations are taken one by one from a shared
+/// ticket.
+class alignas(64) SharedLoop {
+ public:
+  /// Runs all iterations, together with whoever helps; returns when all are done. Owner only.
+  void run(int count, void* context, LoopRunner::Body body);
+  /// Runs one iteration if one is left.
+  bool help();
+
+ private:
+  /// Low 20 bits: next iteration; then 20 bits: number of iterations; then a counter of loops, so
+  /// that a helper that comes too late for one loop can only ever take a valid iteration of the
+  /// next.
+  std::atomic<std::uint64_t> ticket_ = 0;
+  std::atomic<int> done_ = 0;
+  void* context_ = nullptr;
+  LoopRunner::Body body_ = nullptr;
+};
+
+/// One pass over a task tree. Which thread runs what depends on timing; results must not.
+class TreeScheduler {
+ public:
+  /// Prepares a pass for up to `threads` threads. Allocates only when something has grown.
+  void reset(std::span<const FrontTask> tasks, int threads);
+
+  /// To be called by each thread: calls run(task, loop) for one ready task after another, the
+  /// longest path to the root first, until all tasks are done. `loop` spreads an inner loop over
+  /// idle threads.
+  template <class Run>
+  void work(int thread, Run&& run) {
+    const LoopRunner loop{.run = run_shared, .runner = &loops_[static_cast<std::size_t>(thread)]};
+    int task = -1;
+    while ((task = next(task)) >= 0) run(task, loop);
+  }
+
+ private:
+  /// Marks `finished` (or -1) done and returns the next task, waiting and helping meanwhile; -1
+  /// when all are done.
+  int next(int finished);
+  int finish_and_take(int finished);
+  static void run_shared(void* loop, int count, void* context, LoopRunner::Body body);
+
+  std::span<const FrontTask> tasks_;
+  std::mutex mutex_;
+  std::vector<std::int32_t> waits_for_;
+  std::vector<std::int32_t> ready_;  ///< a heap by path cost
+  std::atomic<int> remaining_ = 0;
+  std::atomic<int> ready_count_ = 0;
+  std::unique_ptr<SharedLoop[]> loops_;
+  int threads_ = 0;
+};
+
+}  // namespace mapjoin

@@ -1,0 +1,495 @@
+#include "mapjoin/solvers/frontal_cholesky.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cstdint>
+#include <numeric>
+#include <random>
+#include <set>
+#include <vector>
+
+#include "mapjoin/graph/error.h"
+
+namespace mapjoin {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// A least-squares problem of random measurements: each clique adds J'J and J'r, J random with
+// `rows` rows.
+class Problem {
+ public:
+  explicit Problem(std::vector<std::int32_t> dims, unsigned seed = 1)
+      : dims_(std::move(dims)), random_(seed) {
+    offset_.resize(dims_.size() + 1, 0);
+    std::inclusive_scan(dims_.begin(), dims_.end(), offset_.begin() + 1);
+  }
+
+  void add(std::vector<std::int32_t> clique, int rows) {
+    int columns = 0;
+    for (const auto v : clique) columns += dims_[v];
+    MatrixXd jacobian(rows, columns);
+    for (double& value : jacobian.reshaped()) value = normal_(random_);
+    VectorXd residual(rows);
+    for (double& value : residual) value = normal_(random_);
+    add(std::move(clique), jacobian.transpose() * jacobian, jacobian.transpose() * residual);
+  }
+
+  void add(std::vector<std::int32_t> clique, MatrixXd information, VectorXd vector) {
+    vars_.insert(vars_.end(), clique.begin(), clique.end());
+    start_.push_back(static_cast<std::int64_t>(vars_.size()));
+    information_.push_back(std::move(information));
+    vector_.push_back(std::move(vector));
+  }
+
+  // A clique that determines all of its variables by itself.
+  void add_full(std::vector<std::int32_t> clique) {
+    int columns = 0;
+    for (const auto v : clique) columns += dims_[v];
+    add(std::move(clique), columns + 1);
+  }
+
+  const std::vector<std::int32_t>& dims() const { return dims_; }
+  Cliques cliques() const { return {start_, vars_}; }
+  int scalars() const { return offset_.back(); }
+  int offset(std::int32_t v) const { return offset_[v]; }
+
+  template <class Body>  // body(k, i, j, first scalar of i in the clique, of j)
+  void for_each_block(std::int64_t k, Body&& body) const {
+    const auto clique = cliques()[k];
+    for (std::size_t i = 0, row = 0; i < clique.size(); row += dims_[clique[i++]]) {
+      for (std::size_t j = 0, col = 0; j <= i; col += dims_[clique[j++]]) body(i, j, row, col);
+    }
+  }
+
+  auto assembler(const FrontalStructure& structure) const {
+    return [this, &structure](std::int32_t front, const FrontView& view) {
+      for (const std::int64_t k : structure.owned_by(front)) {
+        const auto at = structure.clique_rows(k);
+        const auto clique = cliques()[k];
+        for_each_block(k, [&](std::size_t i, std::size_t j, std::size_t row, std::size_t col) {
+          const int r = dims_[clique[i]];
+          const int c = dims_[clique[j]];
+          view.add(at[i], at[j], information_[k].block(row, col, r, c));
+          if (i == j) view.add_rhs(at[i], vector_[k].segment(row, r));
+        });
+      }
+    };
+  }
+
+  MatrixXd dense() const {
+    MatrixXd h = MatrixXd::Zero(scalars(), scalars());
+    for (std::int64_t k = 0; k < cliques().size(); ++k) {
+      const auto clique = cliques()[k];
+      for_each_block(k, [&](std::size_t i, std::size_t j, std::size_t row, std::size_t col) {
+        const int r = dims_[clique[i]];
+        const int c = dims_[clique[j]];
+        const MatrixXd block = information_[k].block(row, col, r, c);
+        h.block(offset(clique[i]), offset(clique[j]), r, c) += block;
+        if (i != j) h.block(offset(clique[j]), offset(clique[i]), c, r) += block.transpose();
+      });
+    }
+    return h;
+  }
+
+  VectorXd dense_rhs() const {
+    VectorXd b = VectorXd::Zero(scalars());
+    for (std::int64_t k = 0; k < cliques().size(); ++k) {
+      std::size_t row = 0;
+      for (const auto v : cliques()[k]) {
+        b.segment(offset(v), dims_[v]) += vector_[k].segment(row, dims_[v]);
+        row += dims_[v];
+      }
+    }
+    return b;
+  }
+
+  std::mt19937& random() { return random_; }
+
+ private:
+  std::vector<std::int32_t> dims_;
+  std::vector<std::int32_t> offset_;
+  std::vector<std::int64_t> start_ = {0};
+  std::vector<std::int32_t> vars_;
+  std::vector<MatrixXd> information_;
+  std::vector<VectorXd> vector_;
+  std::mt19937 random_;
+  std::normal_distribution<double> normal_;
+};
+
+std::vector<std::int32_t> random_dims(int variables, unsigned seed) {
+  std::mt19937 random(seed);
+  std::vector<std::int32_t> dims(variables);
+  for (auto& dim : dims) dim = std::uniform_int_distribution<>(1, 9)(random);
+  return dims;
+}
+
+// `cliques` cliques of 1 to 6 different variables; variables close in number meet more often, so
+// there is some sparsity.
+Problem random_problem(int variables, int cliques, unsigned seed,
+                       std::vector<std::int32_t> dims = {}) {
+  if (dims.empty()) dims = random_dims(variables, seed);
+  Problem problem(dims, seed);
+  std::mt19937& random = problem.random();
+  for (int v = 0; v < variables; ++v) problem.add_full({v});
+  for (int k = 0; k < cliques; ++k) {
+    const int size = std::uniform_int_distribution<>(1, std::min(6, variables))(random);
+    const int center = std::uniform_int_distribution<>(0, variables - 1)(random);
+    const int reach = std::uniform_int_distribution<>(0, 9)(random) == 0 ? variables : 10;
+    std::set<std::int32_t> chosen = {center};
+    while (static_cast<int>(chosen.size()) < size) {
+      const int v = center + std::uniform_int_distribution<>(-reach, reach)(random);
+      chosen.insert(((v % variables) + variables) % variables);
+    }
+    std::vector<std::int32_t> clique(chosen.begin(), chosen.end());
+    std::shuffle(clique.begin(), clique.end(), random);
+    problem.add(clique, 4);
+  }
+  return problem;
+}
+
+// rows x columns variables of dimension `dim` with a measurement to the right and down.
+Problem grid_problem(int rows, int columns, int dim, unsigned seed = 1) {
+  Problem problem(std::vector<std::int32_t>(static_cast<std::size_t>(rows) * columns, dim), seed);
+  problem.add_full({0});
+  for (int r = 0; r < rows; ++r) {
+    for (int c = 0; c < columns; ++c) {
+      const int v = r * columns + c;
+      if (c + 1 < columns) problem.add({v, v + 1}, dim);
+      if (r + 1 < rows) problem.add({v, v + columns}, dim);
+    }
+  }
+  return problem;
+}
+
+FrontalStructure analyze(const Problem& problem, const OrderingOptions& ordering = {},
+                         const MergingOptions& merging = {}) {
+  return mapjoin::analyze(problem.dims(), problem.cliques(),
+                          order_blocks(problem.dims(), problem.cliques(), ordering), merging);
+}
+
+VectorXd solve(const Problem& problem, const FrontalStructure& structure, int threads = 1) {
+  WorkerPool pool(threads);
+  FrontalCholesky cholesky;
+  EXPECT_TRUE(cholesky.factorize(structure, problem.assembler(structure), pool).ok());
+  VectorXd x(problem.scalars());
+  cholesky.solve(x, pool);
+  return x;
+}
+
+void expect_solves(const Problem& problem, const FrontalStructure& structure) {
+  const VectorXd x = solve(problem, structure);
+  const MatrixXd h = problem.dense();
+  const VectorXd expected = h.llt().solve(problem.dense_rhs());
+  EXPECT_LT((x - expected).norm(), 1e-9 * expected.norm());
+}
+
+TEST(FrontalCholesky, AgreesWithDenseCholeskyOnRandomGraphsOfMixedDimensions) {
+  for (unsigned seed = 1; seed <= 60; ++seed) {
+    const int variables = 1 + static_cast<int>(seed * seed % 97);
+    const Problem problem =
+        random_problem(variables, static_cast<int>(seed % 7) * variables / 3, seed);
+    SCOPED_TRACE(seed);
+    expect_solves(problem, analyze(problem));
+  }
+}
+
+TEST(FrontalCholesky, AgreesWithDenseCholeskyForEveryOrderingAndWithoutMerging) {
+  const Problem problem = random_problem(80, 120, 7);
+  for (const OrderingMethod method :
+       {OrderingMethod::kMinimumDegree, OrderingMethod::kNestedDissection,
+        OrderingMethod::kNatural}) {
+    for (const bool merge : {false, true}) {
+      MergingOptions merging;
+      merging.merge_fronts = merge;
+      expect_solves(problem, analyze(problem, {.method = method}, merging));
+    }
+  }
+}
+
+TEST(FrontalCholesky, AgreesWithDenseCholeskyOnFrontsWiderThanABlockOfPivots) {
+  for (const int dim : {1, 2, 3, 6}) {
+    const Problem problem = random_problem(60, 400, 3, std::vector<std::int32_t>(60, dim));
+    expect_solves(problem, analyze(problem));
+  }
+}
+
+TEST(FrontalCholesky, SolvesASingleVariable) {
+  for (int dim = 1; dim <= 9; ++dim) {
+    Problem problem({dim});
+    problem.add_full({0});
+    expect_solves(problem, analyze(problem));
+  }
+}
+
+TEST(FrontalCholesky, AcceptsAnEmptyProblem) {
+  const Problem problem(std::vector<std::int32_t>{});
+  EXPECT_EQ(solve(problem, analyze(problem), 2).size(), 0);
+}
+
+TEST(FrontalCholesky, SolvesDisconnectedGraphs) {
+  Problem problem(random_dims(60, 5));
+  for (int component = 0; component < 12; ++component) {
+    for (int i = 0; i < 5; ++i) problem.add_full({component * 5 + i});
+    for (int i = 1; i < 5; ++i) problem.add({component * 5 + i - 1, component * 5 + i}, 3);
+  }
+  expect_solves(problem, analyze(problem));
+}
+
+TEST(FrontalCholesky, GivesTheSameBitsForAnyNumberOfThreads) {
+  for (const Problem& problem :
+       {grid_problem(60, 60, 3), grid_problem(30, 30, 6), random_problem(150, 900, 2)}) {
+    const FrontalStructure structure = analyze(problem);
+    const VectorXd one = solve(problem, structure, 1);
+    for (const int threads : {2, 3, 5}) {
+      for (int repeat = 0; repeat < 5; ++repeat)
+        ASSERT_EQ(one, solve(problem, structure, threads)) << threads;
+    }
+  }
+}
+
+TEST(FrontalCholesky, FactorizesAgainWithTheSameStructure) {
+  const Problem problem = grid_problem(20, 20, 3);
+  const FrontalStructure structure = analyze(problem);
+  WorkerPool pool(2);
+  FrontalCholesky cholesky;
+  VectorXd first(problem.scalars());
+  ASSERT_TRUE(cholesky.factorize(structure, problem.assembler(structure), pool).ok());
+  cholesky.solve(first, pool);
+  const Problem other = grid_problem(20, 20, 3, 2);
+  VectorXd x(problem.scalars());
+  ASSERT_TRUE(cholesky.factorize(structure, other.assembler(structure), pool).ok());
+  cholesky.solve(x, pool);
+  EXPECT_LT((other.dense() * x - other.dense_rhs()).norm(), 1e-8);
+  ASSERT_TRUE(cholesky.factorize(structure, problem.assembler(structure), pool).ok());
+  cholesky.solve(x, pool);
+  EXPECT_EQ(x, first);
+}
+
+TEST(FrontalCholesky, SolvesForSeveralRightHandSides) {
+  const Problem problem = random_problem(70, 150, 11);
+  const FrontalStructure structure = analyze(problem);
+  FrontalCholesky cholesky;
+  ASSERT_TRUE(cholesky.factorize(structure, problem.assembler(structure)).ok());
+  const MatrixXd b = MatrixXd::Random(problem.scalars(), 5);
+  MatrixXd x = b;
+  cholesky.solve_in_place(x);
+  EXPECT_LT((problem.dense() * x - b).norm(), 1e-8 * b.norm());
+}
+
+TEST(FrontalCholesky, ReportsDeterminantAndDecrease) {
+  const Problem problem = random_problem(30, 40, 4);
+  const FrontalStructure structure = analyze(problem);
+  FrontalCholesky cholesky;
+  ASSERT_TRUE(cholesky.factorize(structure, problem.assembler(structure)).ok());
+  const MatrixXd h = problem.dense();
+  const VectorXd b = problem.dense_rhs();
+  EXPECT_NEAR(cholesky.log_determinant(),
+              2 * h.llt().matrixL().toDenseMatrix().diagonal().array().log().sum(), 1e-8);
+  EXPECT_NEAR(cholesky.squared_norm_of_y(), b.dot(h.llt().solve(b)), 1e-8 * b.squaredNorm());
+}
+
+TEST(FrontalCholesky, ConditionalsAreTheColumnsOfTheFactor) {
+  const Problem problem = random_problem(40, 60, 9);
+  const FrontalStructure structure = analyze(problem);
+  FrontalCholesky cholesky;
+  ASSERT_TRUE(cholesky.factorize(structure, problem.assembler(structure)).ok());
+  MatrixXd l = MatrixXd::Zero(problem.scalars(), problem.scalars());
+  for (std::int32_t f = 0; f < static_cast<std::int32_t>(structure.fronts.size()); ++f) {
+    const Front& front = structure.fronts[f];
+    const FrontConditional conditional = cholesky.conditional(f);
+    l.block(front.first_scalar, front.first_scalar, front.pivot_dim, front.pivot_dim) =
+        conditional.l11.triangularView<Eigen::Lower>();
+    int row = 0;
+    for (const auto k : structure.updates_of(f)) {
+      const int dim = structure.dims[structure.order[k]];
+      l.block(structure.scalar_at[k], front.first_scalar, dim, front.pivot_dim) =
+          conditional.l21.middleRows(row, dim);
+      row += dim;
+    }
+  }
+  MatrixXd permuted(problem.scalars(), problem.scalars());  // rows of H in elimination order
+  std::vector<int> scalar;
+  for (const auto v : structure.order) {
+    for (int i = 0; i < structure.dims[v]; ++i) scalar.push_back(structure.scalar_of[v] + i);
+  }
+  const MatrixXd h = problem.dense();
+  EXPECT_LT((l * l.transpose() - MatrixXd(h(scalar, scalar))).norm(), 1e-10 * h.norm());
+}
+
+TEST(FrontalCholesky, NamesAVariableThatIsNotDetermined) {
+  for (const int threads : {1, 2}) {
+    Problem problem(std::vector<std::int32_t>(50, 3));
+    for (int v = 0; v < 50; ++v) {
+      if (v != 17) problem.add_full({v});
+      if (v > 0 && v != 17 && v != 18) problem.add({v - 1, v}, 3);
+    }
+    problem.add({17}, 2);  // two rows for three unknowns
+    const FrontalStructure structure = analyze(problem);
+    WorkerPool pool(threads);
+    FrontalCholesky cholesky;
+    EXPECT_EQ(cholesky.factorize(structure, problem.assembler(structure), pool).failed_variable,
+              17);
+  }
+}
+
+TEST(FrontalCholesky, NamesAVariableNoMeasurementTouches) {
+  Problem problem({3, 2, 3});
+  problem.add_full({0, 2});
+  const FrontalStructure structure = analyze(problem);
+  FrontalCholesky cholesky;
+  EXPECT_EQ(cholesky.factorize(structure, problem.assembler(structure)).failed_variable, 1);
+}
+
+TEST(FrontalCholesky, FindsASystemWithoutAnchorSingular) {
+  // Differences only: a constant added to all variables changes nothing.
+  const int n = 200;
+  Problem problem(std::vector<std::int32_t>(n, 1));
+  const MatrixXd difference = (MatrixXd(2, 2) << 1, -1, -1, 1).finished();
+  for (int v = 0; v < n; ++v) problem.add({v, (v + 1) % n}, difference / 3, VectorXd::Zero(2));
+  for (int v = 0; v < n; v += 7)
+    problem.add({v, (v * v + 3) % n}, difference / 7, VectorXd::Zero(2));
+  for (const int threads : {1, 2}) {
+    const FrontalStructure structure = analyze(problem);
+    WorkerPool pool(threads);
+    FrontalCholesky cholesky;
+    EXPECT_EQ(cholesky.factorize(structure, problem.assembler(structure), pool).failed_variable,
+              structure.order.back());
+  }
+}
+
+TEST(FrontalCholesky, FindsAnIndefiniteSystemAndRecoversWithTheNext) {
+  Problem problem = random_problem(30, 40, 3, std::vector<std::int32_t>(30, 3));
+  const FrontalStructure good_structure = analyze(problem);
+  FrontalCholesky cholesky;
+  Problem bad = problem;
+  bad.add({12}, -1e4 * MatrixXd::Identity(3, 3), VectorXd::Zero(3));
+  const FrontalStructure bad_structure = analyze(bad);
+  EXPECT_FALSE(cholesky.factorize(bad_structure, bad.assembler(bad_structure)).ok());
+  ASSERT_TRUE(cholesky.factorize(good_structure, problem.assembler(good_structure)).ok());
+  VectorXd x(problem.scalars());
+  cholesky.solve(x);
+  EXPECT_LT((problem.dense() * x - problem.dense_rhs()).norm(), 1e-8);
+}
+
+TEST(FrontalCholesky, FailsOnNotANumber) {
+  Problem problem = random_problem(20, 10, 3);
+  problem.add({4}, MatrixXd::Constant(problem.dims()[4], problem.dims()[4], std::nan("")),
+              VectorXd::Zero(problem.dims()[4]));
+  const FrontalStructure structure = analyze(problem);
+  FrontalCholesky cholesky;
+  EXPECT_FALSE(cholesky.factorize(structure, problem.assembler(structure)).ok());
+}
+
+// Measurements x_0 = 0, x_{i+1} - x_i = 1 and x_i = i of a million variables: the tree may be as
+// deep as the chain is long.
+TEST(FrontalCholesky, SolvesAChainOfAMillionVariablesInAnyOrder) {
+  const int n = 1000000;
+  const std::vector<std::int32_t> dims(n, 1);
+  std::vector<std::int64_t> start = {0, 1};
+  std::vector<std::int32_t> vars = {0};
+  for (int v = 1; v < n; ++v) {
+    vars.insert(vars.end(), {v - 1, v});
+    start.push_back(static_cast<std::int64_t>(vars.size()));
+  }
+  const Cliques cliques{start, vars};
+  for (const bool natural : {true, false}) {
+    const auto order = order_blocks(
+        dims, cliques,
+        {.method = natural ? OrderingMethod::kNatural : OrderingMethod::kMinimumDegree});
+    const FrontalStructure structure = mapjoin::analyze(dims, cliques, order);
+    const auto assemble = [&](std::int32_t front, const FrontView& view) {
+      for (const std::int64_t k : structure.owned_by(front)) {
+        const auto at = structure.clique_rows(k);
+        if (k == 0) {
+          view.add(at[0], at[0], Eigen::Matrix<double, 1, 1>(1));
+          continue;
+        }
+        view.add(at[0], at[0], Eigen::Matrix<double, 1, 1>(1));
+        view.add(at[1], at[1], Eigen::Matrix<double, 1, 1>(2));
+        view.add(at[1], at[0], Eigen::Matrix<double, 1, 1>(-1));
+        view.rhs(at[1]) += 1 + static_cast<double>(k);
+        view.rhs(at[0]) -= 1;
+      }
+    };
+    WorkerPool pool(2);
+    FrontalCholesky cholesky;
+    ASSERT_TRUE(cholesky.factorize(structure, assemble, pool).ok());
+    VectorXd x(n);
+    cholesky.solve(x, pool);
+    for (const int v : {0, 1, n / 2, n - 1}) EXPECT_NEAR(x[v], v, 1e-6);
+  }
+}
+
+TEST(BlockOrdering, ListsEachNeighbourOnce) {
+  const std::vector<std::int64_t> start = {0, 2, 4, 7, 8};
+  const std::vector<std::int32_t> vars = {0, 1, 1, 0, 0, 1, 3, 2};
+  const BlockGraph graph = block_graph(4, {start, vars});
+  EXPECT_EQ(graph.start, (std::vector<std::int32_t>{0, 2, 4, 4, 6}));
+  EXPECT_EQ(graph.neighbours, (std::vector<std::int32_t>{1, 3, 0, 3, 0, 1}));
+}
+
+TEST(BlockOrdering, IsAPermutationForEveryMethod) {
+  const Problem problem = random_problem(100, 130, 21);
+  for (const OrderingMethod method :
+       {OrderingMethod::kMinimumDegree, OrderingMethod::kNestedDissection,
+        OrderingMethod::kNatural}) {
+    auto order = order_blocks(problem.dims(), problem.cliques(), {.method = method});
+    EXPECT_EQ(order, order_blocks(problem.dims(), problem.cliques(), {.method = method}));
+    std::sort(order.begin(), order.end());
+    for (int v = 0; v < 100; ++v) EXPECT_EQ(order[v], v);
+  }
+}
+
+TEST(BlockOrdering, RefusesAVariableThatDoesNotExist) {
+  const std::vector<std::int32_t> dims = {3, 3};
+  const std::vector<std::int64_t> start = {0, 2};
+  const std::vector<std::int32_t> vars = {0, 2};
+  EXPECT_THROW(order_blocks(dims, {start, vars}), InputError);
+}
+
+TEST(Fronts, RefuseAnOrderThatIsNotAPermutation) {
+  const Problem problem = random_problem(4, 3, 1);
+  EXPECT_THROW(
+      mapjoin::analyze(problem.dims(), problem.cliques(), std::vector<std::int32_t>{0, 1, 1, 3}),
+      InputError);
+  EXPECT_THROW(
+      mapjoin::analyze(problem.dims(), problem.cliques(), std::vector<std::int32_t>{0, 1, 2}),
+      InputError);
+}
+
+// By brute force: eliminate block by block and record which later blocks are coupled.
+TEST(Fronts, WithoutMergingHoldExactlyTheFill) {
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    const Problem problem = random_problem(50, 60, seed);
+    MergingOptions merging;
+    merging.merge_fronts = false;
+    const FrontalStructure s = analyze(problem, {}, merging);
+    std::vector<std::set<int>> later(50);
+    for (std::int64_t k = 0; k < problem.cliques().size(); ++k) {
+      for (const auto u : problem.cliques()[k]) {
+        for (const auto v : problem.cliques()[k]) {
+          if (s.position[u] < s.position[v]) later[s.position[u]].insert(s.position[v]);
+        }
+      }
+    }
+    for (int k = 0; k < 50; ++k) {
+      for (const int i : later[k]) later[i].insert(later[k].upper_bound(i), later[k].end());
+    }
+    for (std::int32_t f = 0; f < static_cast<std::int32_t>(s.fronts.size()); ++f) {
+      const Front& front = s.fronts[f];
+      for (int k = front.first_position; k < front.end_position; ++k) {
+        std::set<int> expected;
+        for (int i = k + 1; i < front.end_position; ++i) expected.insert(i);
+        for (const int i : s.updates_of(f)) expected.insert(i);
+        EXPECT_EQ(later[k], expected);
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace mapjoin
