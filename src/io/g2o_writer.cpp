@@ -1,0 +1,156 @@
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <iterator>
+#include <string>
+#include <vector>
+
+#include "mapjoin/graph/error.h"
+#include "mapjoin/io/atomic_file.h"
+#include "mapjoin/io/g2o.h"
+#include "mapjoin/io/plain_ids.h"
+#include "mapjoin/io/pose_text.h"
+
+namespace mapjoin {
+
+namespace {
+
+template <int D>
+class GraphWriter {
+ public:
+  GraphWriter(const Values<D>* values, const MeasurementGraph<D>* graph,
+              const G2oWriteOptions& options)
+      : values_(values),
+        graph_(graph),
+        options_(options),
+        ids_(sets(), options.feature_offset, "g2o") {}
+
+  std::string text() && {
+    write_comments();
+    if (D == 3 && graph_ != nullptr && graph_->variables.find_column(Tag("point")) >= 0) {
+      out_ += "PARAMS_SE3OFFSET 0 0 0 0 0 0 0 1\n";
+    }
+    if (values_ != nullptr) write_vertices();
+    if (options_.fixed) out_ += fmt::format("FIX {}\n", ids_(*options_.fixed));
+    if (graph_ != nullptr) write_edges();
+    return std::move(out_);
+  }
+
+ private:
+  std::vector<const VariableSet<D>*> sets() const {
+    std::vector<const VariableSet<D>*> out;
+    if (values_ != nullptr) out.push_back(&values_->variables());
+    if (graph_ != nullptr) out.push_back(&graph_->variables);
+    if (!options_.fixed) return out;
+    for (const VariableSet<D>* set : out) {
+      if (set->find(*options_.fixed)) return out;
+    }
+    throw InputError(fmt::format("FIX {}: there is no such variable in what is written",
+                                 to_string(*options_.fixed)));
+  }
+
+  void write_comments() {
+    for (std::size_t at = 0; at < options_.comment.size();) {
+      const std::size_t end = std::min(options_.comment.find('\n', at), options_.comment.size());
+      out_ += "# " + options_.comment.substr(at, end - at) + "\n";
+      at = end + 1;
+    }
+    for (const std::string& note : ids_.notes()) out_ += "# " + note + "\n";
+  }
+
+  void write_vertices() {
+    const auto& variables = values_->variables();
+    for (const auto& c : variables.columns()) {
+      const bool poses = c.kind->tag == Tag("pose");
+      for (int k = 0; k < c.size(); ++k) {
+        append("{} {}", tag(poses, true), ids_(c.keys[static_cast<std::size_t>(k)]));
+        append_value(poses, values_->value(c.first + k));
+        out_ += '\n';
+      }
+    }
+  }
+
+  void write_edges() {
+    if (graph_->submaps.size() > 0) {
+      throw InputError(
+          fmt::format("g2o has no word for the joint information of several variables, and this "
+                      "graph holds {} such local "
+                      "maps; write a native map instead",
+                      graph_->submaps.size()));
+    }
+    for (const RelativeMeasurements<D>& edges : graph_->relative) {
+      const bool poses = edges.kind->tag == Tag("pose");
+      const int dim = edges.kind->dim;
+      for (std::size_t k = 0; k < edges.size(); ++k) {
+        append("{} {} {}", tag(poses, false), id(edges.from[k]), id(edges.to[k]));
+        if (D == 3 && !poses) out_ += " 0";
+        append_value(poses, edges.z.data() + k * static_cast<std::size_t>(edges.kind->value_size));
+        append_information(poses, dim, edges.info.data() + k * static_cast<std::size_t>(dim * dim));
+        out_ += '\n';
+      }
+    }
+  }
+
+  static const char* tag(bool pose, bool vertex) {
+    if (D == 2)
+      return vertex ? (pose ? "VERTEX_SE2" : "VERTEX_XY") : (pose ? "EDGE_SE2" : "EDGE_SE2_XY");
+    return vertex ? (pose ? "VERTEX_SE3:QUAT" : "VERTEX_TRACKXYZ")
+                  : (pose ? "EDGE_SE3:QUAT" : "EDGE_SE3_TRACKXYZ");
+  }
+  std::uint64_t id(std::int32_t variable) const { return ids_(graph_->variables.key(variable)); }
+
+  void append_value(bool pose, const double* x) {
+    if (pose) {
+      detail::append_pose<D>(out_, *reinterpret_cast<const Rigid<D>*>(x));
+    } else {
+      for (int k = 0; k < D; ++k) append(" {}", x[k]);
+    }
+  }
+
+  void append_information(bool pose, int dim, const double* information) {
+    for (int i = 0; i < dim; ++i) {
+      for (int j = i; j < dim; ++j) {
+        double factor = 1.0;
+        if (D == 3 && pose && options_.quaternion_information)
+          factor = (i < 3 ? 1.0 : 2.0) * (j < 3 ? 1.0 : 2.0);
+        append(" {}", factor * information[i + j * dim]);
+      }
+    }
+  }
+
+  template <class... Args>
+  void append(fmt::format_string<Args...> format, Args&&... args) {
+    fmt::format_to(std::back_inserter(out_), format, std::forward<Args>(args)...);
+  }
+
+  const Values<D>* values_;
+  const MeasurementGraph<D>* graph_;
+  const G2oWriteOptions& options_;
+  PlainIds<D> ids_;
+  std::string out_;
+};
+
+}  // namespace
+
+template <int D>
+void write_g2o(const std::filesystem::path& file, const Values<D>& values,
+               const G2oWriteOptions& options) {
+  write_atomically(file, GraphWriter<D>(&values, nullptr, options).text());
+}
+
+template <int D>
+void write_g2o(const std::filesystem::path& file, const MeasurementGraph<D>& graph,
+               const Values<D>* values, const G2oWriteOptions& options) {
+  write_atomically(file, GraphWriter<D>(values, &graph, options).text());
+}
+
+#define MAPJOIN_INSTANTIATE(D)                                                         \
+  template void write_g2o<D>(const std::filesystem::path&, const Values<D>&,           \
+                             const G2oWriteOptions&);                                  \
+  template void write_g2o<D>(const std::filesystem::path&, const MeasurementGraph<D>&, \
+                             const Values<D>*, const G2oWriteOptions&);
+MAPJOIN_INSTANTIATE(2)
+MAPJOIN_INSTANTIATE(3)
+#undef MAPJOIN_INSTANTIATE
+
+}  // namespace mapjoin
