@@ -112,26 +112,81 @@ std::int64_t update_size(const Front& front) {
          round_up(front.update_dim + kRowGroup - 1);
 }
 
-// Places the update matrices of one task from `base` on; returns the end.
-std::int64_t place_updates(FrontalStructure& structure, const FrontTask& task,
-                           std::span<const char> odd_depth, std::int64_t base) {
-  std::array<std::int64_t, 2> top = {0, 0};
-  std::array<std::int64_t, 2> peak = {0, 0};
-  for (Index f = task.begin; f < task.end; ++f) {
-    Front& front = structure.fronts[f];
-    const int stack = odd_depth[f];
-    front.update = top[stack];
-    top[stack] += update_size(front);
-    peak[stack] = std::max(peak[stack], top[stack]);
-    const auto children = structure.children_of(f);
-    const auto own =
-        std::find_if(children.begin(), children.end(), [&](Index c) { return c >= task.begin; });
-    if (own != children.end()) top[1 - stack] = structure.fronts[*own].update;
+// Gives update matrices their places. The matrices of a subtree lie in one stretch of memory,
+// [begin of the subtree, end_ when its root was placed); when its root is eliminated, only its
+// children's matrices are still needed there.
+class UpdatePlanner {
+ public:
+  explicit UpdatePlanner(FrontalStructure& structure)
+      : structure_(structure),
+        subtree_begin_(structure.fronts.size()),
+        odd_depth_(structure.fronts.size(), 0) {
+    const auto& fronts = structure.fronts;
+    for (std::size_t f = fronts.size(); f-- > 0;) {
+      if (fronts[f].parent >= 0)
+        odd_depth_[f] = static_cast<char>(1 - odd_depth_[fronts[f].parent]);
+    }
   }
-  for (Index f = task.begin; f < task.end; ++f)
-    structure.fronts[f].update += base + (odd_depth[f] ? peak[0] : 0);
-  return base + peak[0] + peak[1];
-}
+
+  std::int64_t run() {
+    for (const FrontTask& task : structure_.tasks) {
+      if (task.waits_for == 0) {
+        place_in_stacks(task);
+      } else {
+        for (Index f = task.begin; f < task.end; ++f) place_in_gap(f);
+      }
+    }
+    return end_;
+  }
+
+ private:
+  // Within a task, fronts come one by one: two stacks, for fronts of even and of odd depth. When a
+  // front is eliminated, its children's matrices are on top of the other stack than its own.
+  void place_in_stacks(const FrontTask& task) {
+    std::array<std::int64_t, 2> top = {0, 0};
+    std::array<std::int64_t, 2> peak = {0, 0};
+    for (Index f = task.begin; f < task.end; ++f) {
+      Front& front = structure_.fronts[f];
+      const int stack = odd_depth_[f];
+      front.update = top[stack];
+      top[stack] += update_size(front);
+      peak[stack] = std::max(peak[stack], top[stack]);
+      const auto children = structure_.children_of(f);
+      if (!children.empty()) top[1 - stack] = structure_.fronts[children.front()].update;
+    }
+    for (Index f = task.begin; f < task.end; ++f) {
+      structure_.fronts[f].update += end_ + (odd_depth_[f] ? peak[0] : 0);
+      subtree_begin_[f] = end_;
+    }
+    end_ += peak[0] + peak[1];
+  }
+
+  // Above, several subtrees may be under way at a time, but nothing else works on memory of this
+  // one: the first gap between the children's matrices that is large enough, or the end.
+  void place_in_gap(Index f) {
+    const auto children = structure_.children_of(f);
+    std::vector<Index> by_place(children.begin(), children.end());
+    std::sort(by_place.begin(), by_place.end(), [&](Index a, Index b) {
+      return structure_.fronts[a].update < structure_.fronts[b].update;
+    });
+    std::int64_t gap = end_;
+    for (const Index child : children) gap = std::min(gap, subtree_begin_[child]);
+    subtree_begin_[f] = gap;
+    const std::int64_t size = update_size(structure_.fronts[f]);
+    for (const Index child : by_place) {
+      const Front& front = structure_.fronts[child];
+      if (front.update - gap >= size) break;
+      gap = std::max(gap, front.update + update_size(front));
+    }
+    structure_.fronts[f].update = gap;
+    end_ = std::max(end_, gap + size);
+  }
+
+  FrontalStructure& structure_;
+  std::vector<std::int64_t> subtree_begin_;
+  std::vector<char> odd_depth_;
+  std::int64_t end_ = 0;
+};
 
 }  // namespace
 
@@ -143,10 +198,6 @@ void plan_tasks(FrontalStructure& structure, const FrontCostModel& cost) {
 void plan_memory(FrontalStructure& structure) {
   auto& fronts = structure.fronts;
   FactorStatistics& statistics = structure.statistics;
-  std::vector<char> odd_depth(fronts.size(), 0);
-  for (std::size_t f = fronts.size(); f-- > 0;) {
-    if (fronts[f].parent >= 0) odd_depth[f] = static_cast<char>(1 - odd_depth[fronts[f].parent]);
-  }
   std::int64_t factor_end = 0;
   for (Front& front : fronts) {
     front.panel_stride = stride(front.rows() + 1);
@@ -158,10 +209,7 @@ void plan_memory(FrontalStructure& structure) {
     statistics.flops += front_flops(front.pivot_dim, front.update_dim);
     statistics.largest_front = std::max(statistics.largest_front, front.rows());
   }
-  std::int64_t workspace_end = 0;
-  for (const FrontTask& task : structure.tasks) {
-    workspace_end = place_updates(structure, task, odd_depth, workspace_end);
-  }
+  const std::int64_t workspace_end = UpdatePlanner(structure).run();
   statistics.fronts = static_cast<std::int64_t>(fronts.size());
   statistics.scalars = structure.scalar_at.back();
   statistics.factor_bytes = factor_end * static_cast<std::int64_t>(sizeof(double));

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <new>
 
 #include "mapjoin/solvers/extend_add.h"
 
@@ -26,16 +25,6 @@ void clear_columns(const FrontView& front, int begin, int end) {
 }
 
 }  // namespace
-
-double* FrontalCholesky::Buffer::require(std::int64_t size) {
-  if (size > size_) {
-    data_.reset();
-    data_.reset(static_cast<double*>(
-        ::operator new[](static_cast<std::size_t>(size) * sizeof(double), std::align_val_t{64})));
-    size_ = size;
-  }
-  return data_.get();
-}
 
 FactorStatus FrontalCholesky::factorize(const FrontalStructure& structure, Assembler assemble,
                                         WorkerPool& pool) {

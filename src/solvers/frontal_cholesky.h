@@ -28,6 +28,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "mapjoin/solvers/aligned_buffer.h"
 #include "mapjoin/solvers/front_kernels.h"
 #include "mapjoin/solvers/fronts.h"
 #include "mapjoin/solvers/tree_scheduler.h"
@@ -106,19 +107,6 @@ class FrontalCholesky {
     void (*call)(const void* object, std::int32_t front, const FrontView& view);
     const void* object;
   };
-  /// Cache lines are 64 bytes; so are the widest vectors.
-  struct AlignedFree {
-    void operator()(double* p) const { ::operator delete[](p, std::align_val_t{64}); }
-  };
-  class Buffer {
-   public:
-    double* require(std::int64_t size);
-    double* data() const { return data_.get(); }
-
-   private:
-    std::unique_ptr<double[], AlignedFree> data_;
-    std::int64_t size_ = 0;
-  };
 
   FactorStatus factorize(const FrontalStructure& structure, Assembler assemble, WorkerPool& pool);
   void factor_front(std::int32_t front, Assembler assemble, double* scratch, LoopRunner loop);
@@ -126,9 +114,9 @@ class FrontalCholesky {
 
   FactorOptions options_;
   const FrontalStructure* structure_ = nullptr;
-  Buffer factor_;
-  Buffer workspace_;
-  Buffer scratch_;
+  AlignedBuffer factor_;
+  AlignedBuffer workspace_;
+  AlignedBuffer scratch_;
   TreeScheduler scheduler_;
   std::atomic<std::int32_t> first_failure_ = 0;  ///< in scalars of the elimination order
 };

@@ -1,0 +1,42 @@
+#include "mapjoin/solvers/aligned_buffer.h"
+
+#include <cstdlib>
+#include <new>
+
+#if defined(__linux__)
+#include <sys/mman.h>
+#endif
+
+namespace mapjoin {
+namespace {
+
+constexpr std::size_t kCacheLine = 64;
+constexpr std::size_t kHugePage = std::size_t{1} << 21;
+
+std::size_t round_up(std::size_t bytes, std::size_t unit) {
+  return (bytes + unit - 1) / unit * unit;
+}
+
+}  // namespace
+
+void AlignedBuffer::Free::operator()(double* p) const noexcept { std::free(p); }
+
+double* AlignedBuffer::require(std::int64_t size) {
+  if (size <= size_) return data();
+  data_.reset();
+  size_ = 0;
+  const std::size_t bytes = static_cast<std::size_t>(size) * sizeof(double);
+  const bool huge = bytes >= kHugePage;
+  const std::size_t unit = huge ? kHugePage : kCacheLine;
+  void* const memory = std::aligned_alloc(unit, round_up(bytes, unit));
+  if (memory == nullptr) throw std::bad_alloc();
+#if defined(__linux__)
+  // Advice only: where it is refused, small pages do.
+  if (huge) static_cast<void>(madvise(memory, round_up(bytes, unit), MADV_HUGEPAGE));
+#endif
+  data_.reset(static_cast<double*>(memory));
+  size_ = size;
+  return data();
+}
+
+}  // namespace mapjoin
