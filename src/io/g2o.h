@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <type_traits>
 #include <variant>
 
 #include "mapjoin/graph/key.h"
@@ -132,6 +133,7 @@ void write_g2o(const std::filesystem::path& file, const Values<D>& values,
 /// variables (a native map can).
 template <int D>
 void write_g2o(const std::filesystem::path& file, const MeasurementGraph<D>& graph,
-               const Values<D>* values = nullptr, const G2oWriteOptions& options = {});
+               const std::type_identity_t<Values<D>>* values = nullptr,
+               const G2oWriteOptions& options = {});
 
 }  // namespace mapjoin

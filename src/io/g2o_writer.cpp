@@ -59,12 +59,13 @@ class GraphWriter {
   }
 
   void write_vertices() {
-    const auto& variables = values_->variables();
-    for (const auto& c : variables.columns()) {
-      const bool poses = c.kind->tag == Tag("pose");
+    for (const Tag type : {Tag("pose"), Tag("point")}) {
+      const int column = values_->variables().find_column(type);
+      if (column < 0) continue;
+      const auto& c = values_->variables().column(column);
       for (int k = 0; k < c.size(); ++k) {
-        append("{} {}", tag(poses, true), ids_(c.keys[static_cast<std::size_t>(k)]));
-        append_value(poses, values_->value(c.first + k));
+        append("{} {}", tag(type == Tag("pose"), true), ids_(c.keys[static_cast<std::size_t>(k)]));
+        append_value(type == Tag("pose"), values_->value(c.first + k));
         out_ += '\n';
       }
     }
@@ -78,16 +79,21 @@ class GraphWriter {
                       "maps; write a native map instead",
                       graph_->submaps.size()));
     }
-    for (const RelativeMeasurements<D>& edges : graph_->relative) {
-      const bool poses = edges.kind->tag == Tag("pose");
-      const int dim = edges.kind->dim;
-      for (std::size_t k = 0; k < edges.size(); ++k) {
-        append("{} {} {}", tag(poses, false), id(edges.from[k]), id(edges.to[k]));
-        if (D == 3 && !poses) out_ += " 0";
-        append_value(poses, edges.z.data() + k * static_cast<std::size_t>(edges.kind->value_size));
-        append_information(poses, dim, edges.info.data() + k * static_cast<std::size_t>(dim * dim));
-        out_ += '\n';
+    for (const Tag type : {Tag("pose"), Tag("point")}) {
+      for (const RelativeMeasurements<D>& edges : graph_->relative) {
+        if (edges.kind->tag == type) write_edges(type == Tag("pose"), edges);
       }
+    }
+  }
+
+  void write_edges(bool poses, const RelativeMeasurements<D>& edges) {
+    const int dim = edges.kind->dim;
+    for (std::size_t k = 0; k < edges.size(); ++k) {
+      append("{} {} {}", tag(poses, false), id(edges.from[k]), id(edges.to[k]));
+      if (D == 3 && !poses) out_ += " 0";
+      append_value(poses, edges.z.data() + k * static_cast<std::size_t>(edges.kind->value_size));
+      append_information(poses, dim, edges.info.data() + k * static_cast<std::size_t>(dim * dim));
+      out_ += '\n';
     }
   }
 
@@ -140,7 +146,7 @@ void write_g2o(const std::filesystem::path& file, const Values<D>& values,
 
 template <int D>
 void write_g2o(const std::filesystem::path& file, const MeasurementGraph<D>& graph,
-               const Values<D>* values, const G2oWriteOptions& options) {
+               const std::type_identity_t<Values<D>>* values, const G2oWriteOptions& options) {
   write_atomically(file, GraphWriter<D>(values, &graph, options).text());
 }
 

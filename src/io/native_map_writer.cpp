@@ -14,8 +14,8 @@ namespace {
 template <int D>
 class TypeNumbers {
  public:
-  std::uint32_t operator()(const VariableKind<D>& kind) { return number(variables_, &kind); }
-  std::uint32_t operator()(const AnchorKind<D>& kind) { return number(anchors_, &kind); }
+  std::uint32_t operator()(const VariableKind<D>& kind) { return number_in(variables_, &kind); }
+  std::uint32_t operator()(const AnchorKind<D>& kind) { return number_in(anchors_, &kind); }
 
   void write(ByteWriter& out) const {
     out.number(std::uint64_t{variables_.size()});
@@ -33,11 +33,12 @@ class TypeNumbers {
 
  private:
   template <class Kind>
-  static std::uint32_t number(std::vector<const Kind*>& known, const Kind* kind) {
+  static std::uint32_t number_in(std::vector<const Kind*>& known, const Kind* kind) {
     const auto at = std::find_if(known.begin(), known.end(),
                                  [&](const Kind* k) { return k->tag == kind->tag; });
+    const auto number = static_cast<std::uint32_t>(at - known.begin());
     if (at == known.end()) known.push_back(kind);
-    return static_cast<std::uint32_t>(at == known.end() ? known.size() - 1 : at - known.begin());
+    return number;
   }
 
   std::vector<const VariableKind<D>*> variables_;
