@@ -1,0 +1,150 @@
+#include "mapjoin/cli/arguments.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <thread>
+
+#include "mapjoin/frames/anchors.h"
+#include "mapjoin/graph/error.h"
+
+namespace mapjoin::cli {
+
+namespace {
+
+constexpr std::size_t kTextWidth = 66;  // of descriptions, beside 30 columns of names
+
+std::string wrapped(const std::string& text) {
+  std::string out;
+  std::size_t column = 0;
+  std::size_t at = 0;
+  while (at < text.size()) {
+    const std::size_t end = std::min(text.find(' ', at), text.size());
+    if (column > 0 && column + 1 + (end - at) > kTextWidth) {
+      out += '\n';
+      column = 0;
+    } else if (column > 0) {
+      out += ' ';
+      ++column;
+    }
+    out.append(text, at, end - at);
+    column += end - at;
+    at = end + 1;
+  }
+  return out;
+}
+
+}  // namespace
+
+const char* const kModes = R"(Modes:
+  optimal   Every join keeps its measurements and linearises them anew; then linear solves over all
+            of them until nothing moves: the nonlinear least squares optimum.
+  observe   The same without the end: one linear solve a join and two at the last one.
+  summary   A joined map is an estimate and its information and nothing else, as for maps that are
+            shared, or kept for life. One linear solve a join.
+  paper     Linear SLAM as published: pairs in order, one common pose. For comparison.
+)";
+
+std::string HelpFormatter::make_option_desc(const CLI::Option* option) const {
+  return wrapped(CLI::Formatter::make_option_desc(option));
+}
+
+std::string HelpFormatter::make_description(const CLI::App* app) const {
+  return CLI::Formatter::make_description(app) + "\n";
+}
+
+void add_indefinite_argument(CLI::App& command, std::string& indefinite) {
+  command
+      .add_option("--indefinite", indefinite,
+                  "Information matrices with a negative eigenvalue: refuse the file; clamp them to "
+                  "the nearest positive definite one; or replace them by isotropic ones")
+      ->check(CLI::IsMember({"refuse", "clamp", "isotropic"}))
+      ->capture_default_str();
+}
+
+void add_join_arguments(CLI::App& command, JoinArguments& a) {
+  command
+      .add_option("-o,--output", a.output,
+                  "Where the result goes: OUT.g2o (poses and features as vertices), OUT.map (all "
+                  "that a map is, to be joined again) or OUT.tum (trajectory). Further pieces of "
+                  "data that are not connected go to OUT.2.g2o, OUT.3.g2o, ...")
+      ->type_name("FILE")
+      ->required();
+  command.add_option("--mode", a.mode, "What a join carries on to the next; see below")
+      ->check(CLI::IsMember({"optimal", "observe", "summary", "paper"}))
+      ->capture_default_str();
+  command
+      .add_option("--tree", a.tree,
+                  "Which maps are joined with which: graph (neighbours in the graph) or order "
+                  "(neighbours by number) [graph; in paper mode order]")
+      ->check(CLI::IsMember({"graph", "order"}));
+  command
+      .add_option("--strategy", a.strategy,
+                  "dc (divide and conquer) or sequential (each map onto all before it)")
+      ->check(CLI::IsMember({"dc", "sequential"}))
+      ->capture_default_str();
+  command
+      .add_option(
+          "--threads", a.threads,
+          "Threads to use, 0 for all there are; the result has the same bits for any number")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  command
+      .add_option("--anchor", a.anchor,
+                  "The pose whose frame the result is written in, pose:12 or 1/pose:12 [the pose "
+                  "that the file fixes, else the lowest one of each piece]")
+      ->type_name("KEY");
+  command
+      .add_option("--session", a.session,
+                  "Session of the ids that are read from text without one: recordings that both "
+                  "count from 0 must have different ones")
+      ->type_name("N")
+      ->capture_default_str();
+  add_indefinite_argument(command, a.indefinite);
+  command.add_option("--json", a.json, "Write the report's figures to this file as well")
+      ->type_name("FILE");
+  command.add_flag("--skip-unknown", a.skip_unknown,
+                   "Count g2o records that are not understood instead of refusing the file");
+  command.add_flag("--quaternion-information", a.quaternion_information,
+                   "3D information in g2o files is of the quaternion's vector part, as g2o means "
+                   "it, and not of the rotation vector");
+}
+
+InformationPolicy information_policy(const std::string& text) {
+  if (text == "clamp") return InformationPolicy::kClamp;
+  if (text == "isotropic") return InformationPolicy::kIsotropic;
+  return InformationPolicy::kRefuse;
+}
+
+JoinOptions join_options(const JoinArguments& a) {
+  JoinOptions options;
+  if (a.mode == "paper") options.mode = Mode::kPaper;
+  if (a.mode == "summary") options.mode = Mode::kSummary;
+  if (a.mode == "observe") options.mode = Mode::kObserve;
+  const bool in_order = a.tree == "order" || (a.tree.empty() && a.mode == "paper");
+  options.tree = in_order ? TreeShape::kOrder : TreeShape::kGraph;
+  if (a.strategy == "sequential") options.strategy = Strategy::kSequential;
+  const unsigned all = std::max(1U, std::thread::hardware_concurrency());
+  options.threads = a.threads == 0 ? static_cast<int>(all) : a.threads;
+  return options;
+}
+
+template <int D>
+Anchor<D> parse_anchor(const std::string& text, std::uint32_t session,
+                       const VariableSet<D>& variables) {
+  Key key = parse_key(text);
+  if (text.find('/') == std::string::npos) key.session = session;
+  if (key.type != Tag("pose")) {
+    throw InputError(
+        fmt::format("--anchor {}: only a pose can be the anchor, as in pose:12", text));
+  }
+  variables.require(key, "--anchor");
+  return pose_anchor<D>(key);
+}
+
+void add_examples(CLI::App& command, const std::string& examples) { command.footer(examples); }
+
+template Anchor<2> parse_anchor<2>(const std::string&, std::uint32_t, const VariableSet<2>&);
+template Anchor<3> parse_anchor<3>(const std::string&, std::uint32_t, const VariableSet<3>&);
+
+}  // namespace mapjoin::cli

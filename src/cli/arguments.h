@@ -1,0 +1,55 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "mapjoin/graph/anchor.h"
+#include "mapjoin/graph/variables.h"
+#include "mapjoin/io/information_policy.h"
+#include "mapjoin/joining/options.h"
+
+namespace mapjoin::cli {
+
+/// What `solve` and `join` have in common, as the user wrote it.
+struct JoinArguments {
+  std::string output;
+  std::string json;
+  std::string mode = "optimal";
+  std::string tree;
+  std::string strategy = "dc";
+  std::string anchor;
+  std::string indefinite = "refuse";
+  int threads = 1;
+  std::uint32_t session = 0;
+  bool skip_unknown = false;
+  bool quaternion_information = false;
+};
+
+void add_join_arguments(CLI::App& command, JoinArguments& arguments);
+
+JoinOptions join_options(const JoinArguments& arguments);
+InformationPolicy information_policy(const std::string& text);
+void add_indefinite_argument(CLI::App& command, std::string& indefinite);
+
+/// The anchor that a text like "pose:12" or "1/pose:12" names; a plain one is of `session`.
+/// \throws InputError when it says no pose or when the variables have no such pose.
+template <int D>
+Anchor<D> parse_anchor(const std::string& text, std::uint32_t session,
+                       const VariableSet<D>& variables);
+
+/// Makes examples stand at the end of a command's help.
+void add_examples(CLI::App& command, const std::string& examples);
+
+/// What --mode means, for the help of the commands that have it.
+extern const char* const kModes;
+
+/// Breaks the lines of options' descriptions.
+class HelpFormatter : public CLI::Formatter {
+ public:
+  std::string make_option_desc(const CLI::Option* option) const override;
+  std::string make_description(const CLI::App* app) const override;
+};
+
+}  // namespace mapjoin::cli

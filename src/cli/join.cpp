@@ -1,0 +1,158 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "mapjoin/cli/commands.h"
+#include "mapjoin/cli/input.h"
+#include "mapjoin/cli/progress.h"
+#include "mapjoin/cli/run.h"
+#include "mapjoin/io/local_maps.h"
+#include "mapjoin/io/native_map.h"
+#include "mapjoin/joining/join_all.h"
+
+namespace mapjoin::cli {
+
+namespace {
+
+constexpr const char* kExamples = R"(Examples:
+  mapjoin join victoria_park_200 --output park.g2o
+      A folder of localmap_1.txt, localmap_2.txt, ... Features are written as vertices 100000 + id.
+  mapjoin join monday.map tuesday.map --output week.g2o
+      Maps made by solve or join. Variables of equal session and id are the same variable.
+  mapjoin solve monday.g2o --session 1 --output monday.map
+  mapjoin solve tuesday.g2o --session 2 --output tuesday.map
+  mapjoin join monday.map tuesday.map --links links.g2o --output week.map
+      Two recordings that both count from 0, read under two sessions, and measurements between
+      them: ids in links.g2o are written 1/12 (pose 12 of session 1).
+)";
+
+struct Arguments {
+  std::vector<std::string> inputs;
+  std::string links;
+  JoinArguments join;
+};
+
+void join_local_maps(const Arguments& a) {
+  if (!a.links.empty()) {
+    throw InputError("--links goes with native maps: join the folder into a .map first");
+  }
+  const Stopwatch reading;
+  LocalMapOptions options;
+  options.session = a.join.session;
+  options.indefinite = information_policy(a.join.indefinite);
+  const AnyLocalMapSet any = read_local_maps(a.inputs[0], options);
+  std::visit(
+      [&]<int D>(const LocalMapSet<D>& set) {
+        Job job{a.join, reading.seconds(), static_cast<std::int64_t>(set.maps.size()), {}, true,
+                {}};
+        G2oCounts counts;
+        counts.repaired = set.repaired;
+        job.notes = notes_of(counts);
+        MeasurementGraphBuilder<D> builder;  // for the variables alone
+        for (const LocalMap<D>& map : set.maps) builder.add(map);
+        run<D>(std::move(job), std::move(builder).build().variables, [&](const JoinOptions& o) {
+          return join_all(std::span<const LocalMap<D>>(set.maps), o);
+        });
+      },
+      any);
+}
+
+template <int D>
+MeasurementGraph<D> read_links(const Arguments& a, const VariableSet<D>& variables,
+                               std::vector<std::string>& notes) {
+  if (a.links.empty()) return {};
+  G2oOptions options;
+  options.session = a.join.session;
+  options.skip_unknown = a.join.skip_unknown;
+  options.quaternion_information = a.join.quaternion_information;
+  options.indefinite = information_policy(a.join.indefinite);
+  G2oGraph file = read_g2o(a.links, options);
+  if (file.dimension != D) {
+    throw InputError(
+        fmt::format("{} holds {}D measurements but the maps are {}D", a.links, file.dimension, D));
+  }
+  auto links = std::get<MeasurementGraph<D>>(std::move(file.graph));
+  for (int i = 0; i < links.variables.size(); ++i) {
+    variables.require(links.variables.key(i), "in " + a.links);
+  }
+  notes = notes_of(file.counts);
+  return links;
+}
+
+template <int D>
+void join_maps(const Arguments& a, const std::vector<AnyMap>& any, const Stopwatch& reading) {
+  std::vector<Map<D>> maps;
+  for (std::size_t k = 0; k < any.size(); ++k) {
+    const auto* map = std::get_if<Map<D>>(&any[k]);
+    if (map == nullptr) {
+      throw InputError(
+          fmt::format("{} is {}D but {} is {}D: maps of the plane and of space cannot "
+                      "be joined",
+                      a.inputs[0], D, a.inputs[k], 5 - D));
+    }
+    maps.push_back(*map);
+  }
+  std::vector<const VariableSet<D>*> sets;
+  for (const Map<D>& map : maps) sets.push_back(&map.variables());
+  const VariableSet<D> variables = unite<D>(sets);
+  Job job{a.join, 0.0, 0, {}, false, {}};
+  const MeasurementGraph<D> links = read_links<D>(a, variables, job.notes);
+  job.read_seconds = reading.seconds();
+  job.measurements = static_cast<std::int64_t>(links.size());
+  for (const Map<D>& map : maps) {
+    job.measurements += map.observations ? static_cast<std::int64_t>(map.observations->size()) : 1;
+  }
+  run<D>(std::move(job), variables,
+         [&](const JoinOptions& o) { return join_all(std::span<const Map<D>>(maps), links, o); });
+}
+
+void join(const Arguments& a) {
+  expect_outputs(a.join);
+  const bool folder = std::any_of(a.inputs.begin(), a.inputs.end(), [](const std::string& path) {
+    return input_format(path) == InputFormat::kLocalMaps;
+  });
+  if (folder && a.inputs.size() > 1) {
+    throw InputError(
+        "join takes either one folder of local maps or native maps (.map): solve the "
+        "folder into a .map first");
+  }
+  if (folder) return join_local_maps(a);
+  const Stopwatch reading;
+  std::vector<AnyMap> maps;
+  for (const std::string& path : a.inputs) {
+    if (input_format(path) != InputFormat::kNative) {
+      throw InputError(
+          fmt::format("{} is neither a native map (.map) nor a folder of local maps; a "
+                      "g2o file becomes a map by 'mapjoin solve {} --output X.map'",
+                      path, path));
+    }
+    maps.push_back(read_any_map(path));
+  }
+  if (std::holds_alternative<Map<2>>(maps[0])) {
+    join_maps<2>(a, maps, reading);
+  } else {
+    join_maps<3>(a, maps, reading);
+  }
+}
+
+}  // namespace
+
+void add_join(CLI::App& app) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App& command = *app.add_subcommand("join", "Join local maps, or maps made before");
+  command
+      .add_option("maps", arguments->inputs, "A folder of localmap_K.txt, or native maps (.map)")
+      ->type_name("FOLDER|MAP")
+      ->required();
+  command
+      .add_option("--links", arguments->links,
+                  "Measurements between variables of the maps, in g2o; ids as 12 or 1/12 (session "
+                  "1)")
+      ->type_name("LINKS.g2o");
+  add_join_arguments(command, arguments->join);
+  add_examples(command, std::string(kModes) + "\n" + kExamples);
+  command.callback([arguments] { join(*arguments); });
+}
+
+}  // namespace mapjoin::cli

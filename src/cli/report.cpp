@@ -1,0 +1,96 @@
+#include "mapjoin/cli/report.h"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "mapjoin/cli/terminal.h"
+
+namespace mapjoin::cli {
+
+namespace {
+
+std::string solves(int n) { return fmt::format("{} linear solve{}", n, n == 1 ? "" : "s"); }
+
+std::string_view tree_name(const RunReport& r) {
+  return join_options(r.arguments).tree == TreeShape::kOrder ? "order" : "graph";
+}
+
+}  // namespace
+
+std::int64_t peak_memory_bytes() {
+  struct rusage usage = {};
+  getrusage(RUSAGE_SELF, &usage);
+  return std::int64_t{usage.ru_maxrss} * 1024;
+}
+
+std::string text(const RunReport& r) {
+  std::string out;
+  const auto line = [&](const std::string& head, const std::string& body) {
+    const std::string padded = fmt::format("{:<14}", head);
+    fmt::format_to(std::back_inserter(out), "{}{}\n", bold(padded), body);
+  };
+  line("variables", fmt::format("{} poses, {} features", r.join.poses, r.join.features));
+  line("measurements", fmt::format("{}", r.measurements));
+  line("components",
+       r.join.components == 1
+           ? "1"
+           : fmt::format("{}: nothing links them, each has a file of its own", r.join.components));
+  line("mode", fmt::format("{}, {}, tree from the {}, {} joins", r.arguments.mode,
+                           r.arguments.strategy == "dc" ? "divide and conquer" : "sequential",
+                           tree_name(r), r.join.joins));
+  line("chi2 linear", fmt::format("{:.6f} ({} a join, {} at the root)", r.join.chi2_linear,
+                                  solves(r.join.solves_per_join), r.join.root_solves));
+  if (r.arguments.mode == "optimal") {
+    line("chi2 refined", fmt::format("{:.6f} ({})", r.join.chi2, solves(r.join.refine_solves)));
+  }
+  line("seconds", fmt::format("{:.3f} read, {:.3f} join, {:.3f} refine, {:.3f} write",
+                              r.seconds.read, r.seconds.solve - r.join.seconds_refine,
+                              r.join.seconds_refine, r.seconds.write));
+  line("peak memory",
+       fmt::format("{:.1f} MiB", static_cast<double>(peak_memory_bytes()) / 1048576));
+  for (std::size_t k = 0; k < r.written.size(); ++k) {
+    line("written", fmt::format("{} (frame of {})", r.written[k].string(), r.frames[k]));
+  }
+  if (r.arguments.mode == "optimal" && !r.join.minimum) {
+    line("warning", "the refinement did not end in a minimum; the result is the best it found");
+  }
+  for (const std::string& note : r.join.notes) line("note", note);
+  for (const std::string& note : r.notes) line("note", note);
+  return out;
+}
+
+std::string json(const RunReport& r) {
+  nlohmann::ordered_json out;
+  out["chi2"] = r.join.chi2;
+  out["chi2_linear"] = r.join.chi2_linear;
+  out["solves_per_join"] = r.join.solves_per_join;
+  out["root_solves"] = r.join.root_solves;
+  out["refine_solves"] = r.join.refine_solves;
+  out["poses"] = r.join.poses;
+  out["features"] = r.join.features;
+  out["components"] = r.join.components;
+  out["seconds"] = {{"read", r.seconds.read},
+                    {"solve", r.seconds.solve},
+                    {"refine", r.join.seconds_refine},
+                    {"write", r.seconds.write}};
+  out["peak_memory_bytes"] = peak_memory_bytes();
+  out["measurements"] = r.measurements;
+  out["joins"] = r.join.joins;
+  out["redone_joins"] = r.join.redone_joins;
+  out["minimum"] = r.join.minimum;
+  out["mode"] = r.arguments.mode;
+  out["tree"] = tree_name(r);
+  out["strategy"] = r.arguments.strategy;
+  out["threads"] = join_options(r.arguments).threads;
+  out["frames"] = r.frames;
+  out["outputs"] = nlohmann::json::array();
+  for (const auto& path : r.written) out["outputs"].push_back(path.string());
+  out["notes"] = r.join.notes;
+  for (const std::string& note : r.notes) out["notes"].push_back(note);
+  return out.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace mapjoin::cli

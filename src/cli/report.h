@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "mapjoin/cli/arguments.h"
+#include "mapjoin/joining/options.h"
+
+namespace mapjoin::cli {
+
+/// The wall-clock seconds of a run's parts: file to memory, memory to result, result to file.
+struct Seconds {
+  double read = 0.0;
+  double solve = 0.0;
+  double write = 0.0;
+};
+
+/// What `solve` and `join` say at the end.
+struct RunReport {
+  const JoinArguments& arguments;
+  JoinReport join;
+  std::int64_t measurements = 0;
+  std::vector<std::string> frames;  ///< of each piece
+  std::vector<std::filesystem::path> written;
+  std::vector<std::string> notes;
+  Seconds seconds;
+};
+
+/// The largest amount of memory this process has had, in bytes.
+std::int64_t peak_memory_bytes();
+
+/// The report in words, for people.
+std::string text(const RunReport& report);
+/// The same figures for programs: the content of --json.
+std::string json(const RunReport& report);
+
+}  // namespace mapjoin::cli

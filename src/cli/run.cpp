@@ -1,0 +1,114 @@
+#include "mapjoin/cli/run.h"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+
+#include "mapjoin/cli/progress.h"
+#include "mapjoin/cli/report.h"
+#include "mapjoin/frames/change_frame.h"
+#include "mapjoin/io/g2o.h"
+#include "mapjoin/io/native_map.h"
+#include "mapjoin/io/tum.h"
+
+namespace mapjoin::cli {
+
+namespace {
+
+/// The anchor that the user or the file asks for, if any.
+template <int D>
+std::optional<Anchor<D>> chosen_anchor(Job& job, const VariableSet<D>& variables) {
+  const JoinArguments& a = job.arguments;
+  if (!a.anchor.empty()) return parse_anchor<D>(a.anchor, a.session, variables);
+  if (!job.fixed) return std::nullopt;
+  if (variables.find(*job.fixed)) return pose_anchor<D>(*job.fixed);
+  job.notes.push_back(fmt::format("the file fixes {}, of which no measurement speaks: ignored",
+                                  to_string(*job.fixed)));
+  return std::nullopt;
+}
+
+template <int D>
+JoinResult<D> solve_interruptibly(const JoinArguments& arguments,
+                                  const std::function<JoinResult<D>(const JoinOptions&)>& solve) {
+  Interruptible::check();
+  ProgressBar bar;
+  JoinOptions options = join_options(arguments);
+  options.progress = bar.callback();
+  return solve(options);
+}
+
+}  // namespace
+
+void expect_outputs(const JoinArguments& arguments) {
+  output_format(arguments.output);
+  OutputFiles::expect(arguments.output);
+  if (!arguments.json.empty()) OutputFiles::expect(arguments.json);
+}
+
+template <int D>
+void write_piece(OutputFiles& files, const std::filesystem::path& path, const Map<D>& map,
+                 bool feature_offset, bool quaternion_information) {
+  files.write(path, [&](const std::filesystem::path& at) {
+    switch (output_format(path)) {
+      case OutputFormat::kG2o: {
+        G2oWriteOptions options;
+        options.feature_offset = feature_offset;
+        options.quaternion_information = quaternion_information;
+        options.comment = fmt::format("mapjoin: in the frame of {}", to_string(map.anchor));
+        write_g2o(at, map.values, options);
+        break;
+      }
+      case OutputFormat::kNative:
+        write_map(at, map);
+        break;
+      case OutputFormat::kTum:
+        write_tum(at, map.values);
+        break;
+    }
+  });
+}
+
+template <int D>
+void run(Job job, const VariableSet<D>& variables,
+         const std::function<JoinResult<D>(const JoinOptions&)>& solve) {
+  const std::optional<Anchor<D>> anchor = chosen_anchor(job, variables);
+  RunReport report{job.arguments, {}, job.measurements, {}, {}, {}, {}};
+  report.seconds.read = job.read_seconds;
+
+  const Interruptible interruptible;
+  const Stopwatch solving;
+  JoinResult<D> result = solve_interruptibly<D>(job.arguments, solve);
+  for (Map<D>& map : result.maps) {
+    if (anchor && map.variables().find(anchor->keys[0])) {
+      map = change_frame(std::move(map), *anchor);
+    }
+    report.frames.push_back(to_string(map.anchor));
+  }
+  report.seconds.solve = solving.seconds();
+  report.join = std::move(result.report);
+  report.notes = std::move(job.notes);
+
+  OutputFiles files;
+  const Stopwatch writing;
+  for (std::size_t k = 0; k < result.maps.size(); ++k) {
+    report.written.push_back(piece_path(job.arguments.output, k));
+    write_piece(files, report.written.back(), result.maps[k], job.feature_offset,
+                job.arguments.quaternion_information);
+  }
+  report.seconds.write = writing.seconds();
+  if (!job.arguments.json.empty()) files.write_text(job.arguments.json, json(report));
+  Interruptible::check();
+  files.commit();
+  fmt::print("{}", text(report));
+}
+
+#define MAPJOIN_INSTANTIATE(D)                                                                  \
+  template void run<D>(Job, const VariableSet<D>&,                                              \
+                       const std::function<JoinResult<D>(const JoinOptions&)>&);                \
+  template void write_piece<D>(OutputFiles&, const std::filesystem::path&, const Map<D>&, bool, \
+                               bool);
+MAPJOIN_INSTANTIATE(2)
+MAPJOIN_INSTANTIATE(3)
+#undef MAPJOIN_INSTANTIATE
+
+}  // namespace mapjoin::cli

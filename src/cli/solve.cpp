@@ -1,0 +1,66 @@
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "mapjoin/cli/commands.h"
+#include "mapjoin/cli/input.h"
+#include "mapjoin/cli/progress.h"
+#include "mapjoin/cli/run.h"
+#include "mapjoin/joining/join_all.h"
+
+namespace mapjoin::cli {
+
+namespace {
+
+constexpr const char* kExamples = R"(Examples:
+  mapjoin solve intel.g2o --output intel_map.g2o
+      The least squares optimum of a pose graph or a landmark graph. Vertices in the file are not
+      used as an initial guess: none is needed. The result is in the frame of the lowest pose, or
+      of the one that the file fixes (FIX).
+  mapjoin solve monday.g2o --session 1 --output monday.map
+      Keeps the measurements too, so that the map can be joined with others: see mapjoin join.
+  mapjoin solve city.g2o --mode observe --json stats.json --output city.tum
+      One linear solve a join and two at the end, nothing iterated.
+)";
+
+struct Arguments {
+  std::string graph;
+  JoinArguments join;
+};
+
+void solve(const Arguments& a) {
+  expect_outputs(a.join);
+  if (input_format(a.graph) != InputFormat::kG2o) {
+    throw InputError(fmt::format("{} is no g2o file; maps are joined by 'mapjoin join'", a.graph));
+  }
+  const Stopwatch reading;
+  G2oOptions options;
+  options.session = a.join.session;
+  options.skip_unknown = a.join.skip_unknown;
+  options.quaternion_information = a.join.quaternion_information;
+  options.indefinite = information_policy(a.join.indefinite);
+  const G2oGraph file = read_g2o(a.graph, options);
+  Job job{a.join, reading.seconds(), 0, file.fixed, false, notes_of(file.counts)};
+  std::visit(
+      [&]<int D>(const MeasurementGraph<D>& graph) {
+        job.measurements = static_cast<std::int64_t>(graph.size());
+        run<D>(std::move(job), graph.variables,
+               [&](const JoinOptions& o) { return join_all(graph, o); });
+      },
+      file.graph);
+}
+
+}  // namespace
+
+void add_solve(CLI::App& app) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App& command = *app.add_subcommand("solve", "Solve a measurement graph (g2o)");
+  command.add_option("graph", arguments->graph, "The measurements")
+      ->type_name("GRAPH.g2o")
+      ->required();
+  add_join_arguments(command, arguments->join);
+  add_examples(command, std::string(kModes) + "\n" + kExamples);
+  command.callback([arguments] { solve(*arguments); });
+}
+
+}  // namespace mapjoin::cli
