@@ -1,6 +1,7 @@
 #include "mapjoin/solvers/front_merging.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace mapjoin {
@@ -139,7 +140,7 @@ std::vector<Index> heaviest_last_postorder(const SupernodeTree& tree, const Fron
 }  // namespace
 
 double FrontCostModel::operator()(double pivots, double updates) const {
-  const double rows = pivots + updates + 1;
+  const double rows = kRowGroup * std::ceil((pivots + updates + 1) / kRowGroup);
   return per_front + per_pivot * pivots + per_pivot_row * pivots * rows +
          per_update_entry * updates * updates + front_flops(pivots, updates);
 }

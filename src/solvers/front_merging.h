@@ -15,10 +15,13 @@
 
 namespace mapjoin {
 
+/// Rows of a front are stored and computed in groups of this many: no remainder loops.
+inline constexpr std::int32_t kRowGroup = 8;
+
 /// Time of a front in units of one floating-point operation at full speed; fitted to measurements,
 /// only the ratios matter.
 struct FrontCostModel {
-  double per_front = 4000;   ///< calls, index lists, first touches
+  double per_front = 1500;   ///< calls, index lists, first touches
   double per_pivot = 250;    ///< square root, division, and their latency
   double per_pivot_row = 6;  ///< entries of the factor: cleared, scaled, written
   double per_update_entry =

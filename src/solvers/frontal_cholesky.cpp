@@ -11,10 +11,17 @@ namespace {
 using Index = std::int32_t;
 
 constexpr Index kNoFailure = std::numeric_limits<Index>::max();
+constexpr int kSmallFront = 64;            // rows; up to here whole fronts are cleared at a time
 constexpr double kSharedFrontFlops = 1e6;  // below, asking others to help costs more than it brings
 
-// Only what lies on or below the diagonal, to whole row groups; the kernels may read one tile above
-// it.
+void clear_small(const Front& front, const FrontView& view) {
+  std::fill_n(view.panel(), std::int64_t{front.pivot_dim} * front.panel_stride, 0.0);
+  if (front.update_dim == 0) return;
+  double* const update = view.column(front.pivot_dim) + front.pivot_dim / kRowGroup * kRowGroup;
+  std::fill_n(update, std::int64_t{front.update_dim} * front.update_stride, 0.0);
+}
+
+// What lies on or below the diagonal, to whole row groups; the kernels may read one tile above it.
 void clear_columns(const FrontView& front, int begin, int end) {
   const int row_end = (front.rows() + kRowGroup) / kRowGroup * kRowGroup;
   for (int j = begin; j < end; ++j) {
@@ -68,8 +75,12 @@ void FrontalCholesky::factor_front(Index f, Assembler assemble, double* scratch,
   if (loop.run != nullptr && front_flops(front.pivot_dim, front.update_dim) < kSharedFrontFlops)
     loop = {};
 
-  for_each_column_range(view.rows(), loop,
-                        [&](int begin, int end) { clear_columns(view, begin, end); });
+  if (view.rows() <= kSmallFront) {
+    clear_small(front, view);
+  } else {
+    for_each_column_range(view.rows(), loop,
+                          [&](int begin, int end) { clear_columns(view, begin, end); });
+  }
   assemble.call(assemble.object, f, view);
   double* const diagonal = scratch;
   for (int j = 0; j < view.rows(); ++j) diagonal[j] = view.column(j)[j];

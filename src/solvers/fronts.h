@@ -27,9 +27,6 @@
 
 namespace mapjoin {
 
-/// Rows of a front are stored in groups of this many, so that kernels need no remainder loops.
-inline constexpr std::int32_t kRowGroup = 8;
-
 struct Front {
   std::int32_t parent = -1;         ///< a later front, or -1
   std::int32_t first_position = 0;  ///< pivots: order[first_position] .. order[end_position - 1]
