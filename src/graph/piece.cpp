@@ -1,0 +1,87 @@
+#include "mapjoin/graph/piece.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace mapjoin {
+
+template <int D>
+Piece<D> make_piece(const VariableSet<D>& all, std::vector<int> variables) {
+  Piece<D> piece;
+  piece.variables = std::move(variables);
+  piece.column_start.push_back(0);
+  for (const auto& column : all.columns()) {
+    const auto end = std::lower_bound(piece.variables.begin() + piece.column_start.back(),
+                                      piece.variables.end(), column.end());
+    const auto size =
+        static_cast<std::size_t>(end - piece.variables.begin() - piece.column_start.back());
+    piece.data.emplace_back(size * static_cast<std::size_t>(column.kind->value_size));
+    piece.column_start.push_back(static_cast<int>(end - piece.variables.begin()));
+  }
+  return piece;
+}
+
+template <int D>
+void move(const VariableSet<D>& all, Piece<D>& piece, const Rigid<D>& T) {
+  for (std::size_t c = 0; c < piece.data.size(); ++c) {
+    all.column(static_cast<int>(c))
+        .kind->transform(T, piece.data[c].data(), static_cast<std::size_t>(piece.column_size(c)));
+  }
+}
+
+template <int D>
+Values<D> to_values(const VariableSet<D>& all, const Piece<D>& piece) {
+  Values<D> out{subset(all, piece.variables)};
+  int to = 0;
+  for (const auto& data : piece.data) {
+    if (data.empty()) continue;
+    std::memcpy(out.data(to++), data.data(), data.size() * sizeof(double));
+  }
+  return out;
+}
+
+template <int D>
+Piece<D> to_piece(const VariableSet<D>& all, const Values<D>& values) {
+  Piece<D> piece = make_piece(all, numbers_in(values.variables(), all));
+  int from = 0;
+  for (auto& data : piece.data) {
+    if (data.empty()) continue;
+    std::memcpy(data.data(), values.data(from++), data.size() * sizeof(double));
+  }
+  return piece;
+}
+
+template <int D>
+void retract(const VariableSet<D>& all, Piece<D>& piece, std::span<const double> d) {
+  std::size_t scalar = 0;
+  for (std::size_t c = 0; c < piece.data.size(); ++c) {
+    const VariableKind<D>& kind = *all.column(static_cast<int>(c)).kind;
+    const auto count = static_cast<std::size_t>(piece.column_size(c));
+    kind.retract(piece.data[c].data(), d.data() + scalar, count);
+    scalar += count * static_cast<std::size_t>(kind.dim);
+  }
+}
+
+template <int D>
+std::vector<int> offsets_of(const VariableSet<D>& all, const Piece<D>& piece) {
+  std::vector<int> out{0};
+  out.reserve(piece.variables.size() + 1);
+  for (std::size_t c = 0; c < piece.data.size(); ++c) {
+    const int dim = all.column(static_cast<int>(c)).kind->dim;
+    for (int k = 0; k < piece.column_size(c); ++k) out.push_back(out.back() + dim);
+  }
+  return out;
+}
+
+#define MAPJOIN_INSTANTIATE(D)                                                         \
+  template Piece<D> to_piece<D>(const VariableSet<D>&, const Values<D>&);              \
+  template void retract<D>(const VariableSet<D>&, Piece<D>&, std::span<const double>); \
+  template std::vector<int> offsets_of<D>(const VariableSet<D>&, const Piece<D>&);     \
+  template Piece<D> make_piece<D>(const VariableSet<D>&, std::vector<int>);            \
+  template void move<D>(const VariableSet<D>&, Piece<D>&, const Rigid<D>&);            \
+  template Values<D> to_values<D>(const VariableSet<D>&, const Piece<D>&);
+MAPJOIN_INSTANTIATE(2)
+MAPJOIN_INSTANTIATE(3)
+#undef MAPJOIN_INSTANTIATE
+
+}  // namespace mapjoin

@@ -1,0 +1,146 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cmath>
+
+namespace mapjoin {
+
+/// Fixed-size unaligned matrix and vector: what variables are made of.
+template <int Rows, int Cols, class S = double>
+using Mat = Eigen::Matrix<S, Rows, Cols, Eigen::DontAlign>;
+template <int Rows, class S = double>
+using Vec = Mat<Rows, 1, S>;
+
+/// Number of rotational degrees of freedom: 1 in the plane, 3 in space.
+template <int D>
+inline constexpr int kRotation = D == 2 ? 1 : 3;
+
+/// [v]x: skew(v) w = v x w.
+template <class Derived>
+Mat<3, 3, typename Derived::Scalar> skew(const Eigen::MatrixBase<Derived>& v) {
+  using S = typename Derived::Scalar;
+  Mat<3, 3, S> out;
+  out << S(0), -v(2), v(1), v(2), S(0), -v(0), -v(1), v(0), S(0);
+  return out;
+}
+
+namespace detail {
+
+// sin(x)/x and (1-cos(x))/x^2 as functions of q = x^2: smooth at zero, so derivatives by dual
+// numbers exist there.
+template <class S>
+S sinc_of_square(const S& q) {
+  using std::sin;
+  using std::sqrt;
+  if (q < 1e-6) return S(1) - q / S(6) + q * q / S(120);
+  const S x = sqrt(q);
+  return sin(x) / x;
+}
+template <class S>
+S cosc_of_square(const S& q) {
+  using std::cos;
+  using std::sqrt;
+  if (q < 1e-6) return S(0.5) - q / S(24) + q * q / S(720);
+  const S x = sqrt(q);
+  return (S(1) - cos(x)) / q;
+}
+
+// Quaternion (x, y, z, w) of a rotation matrix by the branch that divides by the largest component.
+template <class S>
+Vec<4, S> quaternion_of(const Mat<3, 3, S>& R) {
+  using std::sqrt;
+  Vec<4, S> q;
+  const S trace = R(0, 0) + R(1, 1) + R(2, 2);
+  if (trace > 0.0) {
+    const S s = sqrt(trace + S(1));
+    const S k = S(0.5) / s;
+    q << (R(2, 1) - R(1, 2)) * k, (R(0, 2) - R(2, 0)) * k, (R(1, 0) - R(0, 1)) * k, S(0.5) * s;
+    return q;
+  }
+  int i = 0;
+  if (R(1, 1) > R(0, 0)) i = 1;
+  if (R(2, 2) > R(i, i)) i = 2;
+  const int j = (i + 1) % 3;
+  const int k = (j + 1) % 3;
+  const S s = sqrt(R(i, i) - R(j, j) - R(k, k) + S(1));
+  const S inv = S(0.5) / s;
+  q(i) = S(0.5) * s;
+  q(3) = (R(k, j) - R(j, k)) * inv;
+  q(j) = (R(j, i) + R(i, j)) * inv;
+  q(k) = (R(k, i) + R(i, k)) * inv;
+  return q;
+}
+
+}  // namespace detail
+
+/// Rotation matrix of a rotation vector (an angle in the plane), radians.
+template <int D, class S>
+Mat<D, D, S> rotation_exp(const Vec<kRotation<D>, S>& phi) {
+  using std::cos;
+  using std::sin;
+  Mat<D, D, S> R;
+  if constexpr (D == 2) {
+    const S c = cos(phi(0));
+    const S s = sin(phi(0));
+    R << c, -s, s, c;
+  } else {
+    const S q = phi.squaredNorm();
+    const S a = detail::sinc_of_square(q);
+    const S b = detail::cosc_of_square(q);
+    const S c = S(1) - b * q;
+    R = b * (phi * phi.transpose());
+    R(0, 0) += c;
+    R(1, 1) += c;
+    R(2, 2) += c;
+    R += a * skew(phi);
+  }
+  return R;
+}
+
+/// Rotation vector of a rotation matrix, of length at most pi. Inverse of rotation_exp; this is
+/// where angles wrap.
+template <int D, class S>
+Vec<kRotation<D>, S> rotation_log(const Mat<D, D, S>& R) {
+  using std::atan2;
+  using std::sqrt;
+  if constexpr (D == 2) {
+    return Vec<1, S>(atan2(R(1, 0), R(0, 0)));
+  } else {
+    const Vec<4, S> q = detail::quaternion_of(R);
+    const S w = q(3) < 0.0 ? S(-q(3)) : S(q(3));
+    const Vec<3, S> v =
+        q(3) < 0.0 ? Vec<3, S>(-q.template head<3>()) : Vec<3, S>(q.template head<3>());
+    const S n2 = v.squaredNorm();
+    if (n2 < 1e-8) {  // 2 atan(n/w)/n by its series
+      const S u = n2 / (w * w);
+      return v * (S(2) / w * (S(1) - u / S(3) + u * u / S(5)));
+    }
+    const S n = sqrt(n2);
+    return v * (S(2) * atan2(n, w) / n);
+  }
+}
+
+/// Inverse of the right Jacobian at phi: log(exp(phi) exp(d)) = phi + J_r^-1(phi) d + O(d^2).
+/// Identity in the plane.
+template <int D, class S>
+Mat<kRotation<D>, kRotation<D>, S> inverse_right_jacobian(const Vec<kRotation<D>, S>& phi) {
+  using std::sqrt;
+  using std::tan;
+  Mat<kRotation<D>, kRotation<D>, S> J = Mat<kRotation<D>, kRotation<D>, S>::Identity();
+  if constexpr (D == 3) {
+    const S q = phi.squaredNorm();
+    S c;
+    if (q < 1e-4) {
+      c = S(1.0 / 12) + q / S(720) + q * q / S(30240);
+    } else {
+      const S half = S(0.5) * sqrt(q);
+      c = (S(1) - half / tan(half)) / q;
+    }
+    const Mat<3, 3, S> K = skew(phi);
+    J += S(0.5) * K + c * (K * K);
+  }
+  return J;
+}
+
+}  // namespace mapjoin

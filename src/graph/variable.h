@@ -1,0 +1,216 @@
+#pragma once
+
+#include <concepts>
+#include <cstring>
+#include <string_view>
+#include <type_traits>
+
+#include "mapjoin/graph/dual.h"
+#include "mapjoin/graph/rigid.h"
+
+/// \file
+/// What a variable type is.
+///
+/// A *variable type* T is a struct of static members (never instantiated) that says how one kind of
+/// unknown behaves. A user adds one by writing such a struct; nothing under src/ changes.
+///
+///     struct T {
+///       static constexpr int ambient = 2;                    // it lives in the plane (2) or in
+///       space (3) static constexpr int dim = 2;                        // of its tangent static
+///       constexpr std::string_view name = "wall";     // 1 to 8 characters: keys print as wall:12
+///       static constexpr FrameAction action = FrameAction::kGeneral;
+///       template <class S> using Value = ...;                // only scalars S inside: doubles in
+///       a row in memory template <class S> static Value<S> retract(const Value<S>& x, const
+///       Vec<dim, S>& d);    // x [+] d template <class S> static Vec<dim, S> local(const Value<S>&
+///       x, const Value<S>& y);      // y [-] x template <class S> static Value<S> transform(const
+///       Rigid<ambient, S>& T, const Value<S>& x);
+///     };
+///
+/// Laws (the conformance suite checks them):
+///   1. local(x, retract(x, d)) = d for small d, and retract(x, 0) = x.
+///   2. transform(A * B, x) = transform(A, transform(B, x)).
+///   3. D(T, x) = d local(T x, T retract(x, d)) / dd at d = 0 is invertible.
+///   4. g(x) = d local(x, Exp(xi) x) / d xi satisfies g(T x) Ad(T) = D(T, x) g(x).
+/// All functions are smooth where d, the difference, or the angle is zero: they are differentiated
+/// there.
+///
+/// Optional members, used when present:
+///   frame_jacobian(T, x) -> dim x dim       D, instead of the derivative by dual numbers
+///   gauge(x) -> dim x kGauge<ambient>       g, likewise
+///   local_jacobian(x, y) -> dim x dim       d local(x, retract(y, d)) / dd at d = 0, likewise
+///   position(x) -> Vec<ambient>             a point that moves with the variable: lets it take
+///   part in align() rotation(x) -> Mat<ambient, ambient>    an orientation that moves with it,
+///   likewise
+
+namespace mapjoin {
+
+/// How a change of frame x' = T x acts on tangents: the D of law 3, by kind, so that the common
+/// ones cost nothing.
+enum class FrameAction {
+  kBody,       ///< D = E: tangents are written in the variable's own frame (poses)
+  kRotating,   ///< D = R, dim = ambient: tangents are vectors of the map frame (points)
+  kInvariant,  ///< D = E and g = 0: no frame change touches it (a bias, a scale)
+  kGeneral     ///< anything else
+};
+
+template <class T, class S = double>
+using ValueOf = typename T::template Value<S>;
+template <class T, class S = double>
+using TangentOf = Vec<T::dim, S>;
+
+// The concept, in named steps, so that the compiler's first line says which member is missing or
+// wrong.
+template <class T>
+concept HasAmbient = requires {
+  { T::ambient } -> std::convertible_to<int>;
+}
+&&(T::ambient == 2 || T::ambient == 3);
+template <class T>
+concept HasDim = requires {
+  { T::dim } -> std::convertible_to<int>;
+}
+&&(T::dim >= 1);
+template <class T>
+concept HasName = requires {
+  { T::name } -> std::convertible_to<std::string_view>;
+};
+template <class T>
+concept HasAction = requires {
+  { T::action } -> std::convertible_to<FrameAction>;
+};
+template <class T>
+concept HasValue = requires {
+  typename T::template Value<double>;
+}
+&&(sizeof(ValueOf<T>) % sizeof(double) == 0);
+template <class T>
+concept HasRetract = requires(const ValueOf<T>& x, const TangentOf<T>& d) {
+  { T::template retract<double>(x, d) } -> std::convertible_to<ValueOf<T>>;
+};
+template <class T>
+concept HasLocal = requires(const ValueOf<T>& x) {
+  { T::template local<double>(x, x) } -> std::convertible_to<TangentOf<T>>;
+};
+template <class T>
+concept HasTransform = requires(const ValueOf<T>& x, const Rigid<T::ambient>& rigid) {
+  { T::template transform<double>(rigid, x) } -> std::convertible_to<ValueOf<T>>;
+};
+
+/// A type of variable. See the head of this file.
+template <class T>
+concept VariableType = HasAmbient<T> && HasDim<T> && HasName<T> && HasAction<T> && HasValue<T> &&
+    HasRetract<T> && HasLocal<T> && HasTransform<T>;
+
+template <class T>
+concept HasPosition = requires(const ValueOf<T>& x) {
+  { T::position(x) } -> std::convertible_to<Vec<T::ambient>>;
+};
+template <class T>
+concept HasRotation = requires(const ValueOf<T>& x) {
+  { T::rotation(x) } -> std::convertible_to<Mat<T::ambient, T::ambient>>;
+};
+
+/// Number of doubles in a value.
+template <class T>
+inline constexpr int kValueSize = static_cast<int>(sizeof(ValueOf<T>) / sizeof(double));
+
+namespace detail {
+
+/// The value with every scalar made a constant of type S. Values are scalars in a row, so this
+/// needs no user code.
+template <class T, class S>
+ValueOf<T, S> lift(const ValueOf<T>& x) {
+  static_assert(sizeof(ValueOf<T, S>) == static_cast<std::size_t>(kValueSize<T>) * sizeof(S),
+                "Value<S> must hold scalars of type S and nothing else");
+  double scalars[static_cast<std::size_t>(kValueSize<T>)];
+  std::memcpy(scalars, &x, sizeof(scalars));
+  ValueOf<T, S> out;
+  S* const to = reinterpret_cast<S*>(&out);
+  for (int k = 0; k < kValueSize<T>; ++k) to[k] = S(scalars[k]);
+  return out;
+}
+
+template <int N>
+Vec<N, Dual<N>> seeds() {
+  Vec<N, Dual<N>> d;
+  for (int k = 0; k < N; ++k) d(k) = Dual<N>::variable(0.0, k);
+  return d;
+}
+
+template <int Rows, int N>
+Mat<Rows, N> gradients(const Vec<Rows, Dual<N>>& r) {
+  Mat<Rows, N> J;
+  for (int i = 0; i < Rows; ++i) J.row(i) = r(i).v.transpose();
+  return J;
+}
+
+template <class T>
+Mat<T::dim, T::dim> frame_jacobian_by_duals(const Rigid<T::ambient>& rigid, const ValueOf<T>& x) {
+  using S = Dual<T::dim>;
+  const auto moved = T::template transform<S>(
+      rigid.template cast<S>(), T::template retract<S>(lift<T, S>(x), seeds<T::dim>()));
+  return gradients<T::dim, T::dim>(
+      T::template local<S>(lift<T, S>(T::template transform<double>(rigid, x)), moved));
+}
+
+template <class T>
+Mat<T::dim, kGauge<T::ambient>> gauge_by_duals(const ValueOf<T>& x) {
+  constexpr int D = T::ambient;
+  constexpr int G = kGauge<D>;
+  using S = Dual<G>;
+  const Vec<G, S> xi = seeds<G>();
+  Rigid<D, S> motion;
+  motion.R = rotation_exp<D, S>(xi.template tail<kRotation<D>>());
+  motion.t = xi.template head<D>();
+  return gradients<T::dim, G>(
+      T::template local<S>(lift<T, S>(x), T::template transform<S>(motion, lift<T, S>(x))));
+}
+
+template <class T>
+Mat<T::dim, T::dim> local_jacobian_by_duals(const ValueOf<T>& x, const ValueOf<T>& y) {
+  using S = Dual<T::dim>;
+  return gradients<T::dim, T::dim>(
+      T::template local<S>(lift<T, S>(x), T::template retract<S>(lift<T, S>(y), seeds<T::dim>())));
+}
+
+}  // namespace detail
+
+/// D(T, x) = d local(T x, T retract(x, d)) / dd at d = 0: how tangents at x become tangents at T x.
+template <VariableType T>
+Mat<T::dim, T::dim> frame_jacobian(const Rigid<T::ambient>& rigid, const ValueOf<T>& x) {
+  if constexpr (requires { T::frame_jacobian(rigid, x); }) {
+    return T::frame_jacobian(rigid, x);
+  } else if constexpr (T::action == FrameAction::kBody || T::action == FrameAction::kInvariant) {
+    return Mat<T::dim, T::dim>::Identity();
+  } else if constexpr (T::action == FrameAction::kRotating) {
+    return rigid.R;
+  } else {
+    return detail::frame_jacobian_by_duals<T>(rigid, x);
+  }
+}
+
+/// Gauge rows g(x) = d local(x, Exp(xi) x) / d xi, xi = (translation, rotation): how x moves when
+/// its whole map does.
+template <VariableType T>
+Mat<T::dim, kGauge<T::ambient>> gauge(const ValueOf<T>& x) {
+  if constexpr (requires { T::gauge(x); }) {
+    return T::gauge(x);
+  } else if constexpr (T::action == FrameAction::kInvariant) {
+    return Mat<T::dim, kGauge<T::ambient>>::Zero();
+  } else {
+    return detail::gauge_by_duals<T>(x);
+  }
+}
+
+/// S = d local(x, retract(y, d)) / dd at d = 0: the block that stands in A where two estimates x, y
+/// disagree.
+template <VariableType T>
+Mat<T::dim, T::dim> local_jacobian(const ValueOf<T>& x, const ValueOf<T>& y) {
+  if constexpr (requires { T::local_jacobian(x, y); }) {
+    return T::local_jacobian(x, y);
+  } else {
+    return detail::local_jacobian_by_duals<T>(x, y);
+  }
+}
+
+}  // namespace mapjoin

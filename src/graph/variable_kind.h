@@ -1,0 +1,147 @@
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "mapjoin/graph/builtin_types.h"
+#include "mapjoin/graph/key.h"
+#include "mapjoin/graph/relative_kernel.h"
+
+namespace mapjoin {
+
+/// A variable type at run time: its numbers, and its functions over *arrays* of values.
+///
+/// Maps hold columns of values of types they do not know. One indirect call handles a whole column
+/// (or a batch of measurements), never a single variable. Values are `value_size` doubles in a row,
+/// tangents `dim`, gauge rows dim x kGauge<D> column-major, Jacobians dim x dim column-major.
+template <int D>
+struct VariableKind {
+  Tag tag;
+  int dim = 0;
+  int value_size = 0;
+  FrameAction action = FrameAction::kGeneral;
+  bool has_position = false;
+  bool has_rotation = false;
+
+  /// x[k] = T x[k].
+  void (*transform)(const Rigid<D>& T, double* x, std::size_t n) = nullptr;
+  /// out[k] = D(T, x[k]), x before the motion.
+  void (*frame_jacobian)(const Rigid<D>& T, const double* x, std::size_t n, double* out) = nullptr;
+  /// out[k] = g(x[k]).
+  void (*gauge)(const double* x, std::size_t n, double* out) = nullptr;
+  /// x[k] = x[k] [+] d[k].
+  void (*retract)(double* x, const double* d, std::size_t n) = nullptr;
+  /// r[k] = local(x[k], y[k]).
+  void (*local)(const double* x, const double* y, std::size_t n, double* r) = nullptr;
+  /// S[k] = d local(x[k], y[k] [+] d) / dd.
+  void (*local_jacobian)(const double* x, const double* y, std::size_t n, double* S) = nullptr;
+  /// out[k] = position of x[index[k]], D doubles. Null when the type has none.
+  void (*positions)(const double* x, const int* index, std::size_t n, double* out) = nullptr;
+  /// out[k] = orientation of x[index[k]], D x D column-major. Null when the type has none.
+  void (*rotations)(const double* x, const int* index, std::size_t n, double* out) = nullptr;
+  /// Normal equations of measurements of this type taken from poses; see relative_kernel.h.
+  double (*linearize_relative)(const RelativeBatch<D>&, const DenseTarget&) = nullptr;
+  /// Their chi2 alone.
+  double (*chi2_relative)(const RelativeBatch<D>&) = nullptr;
+};
+
+namespace detail {
+
+template <VariableType T>
+struct KindFunctions {
+  static constexpr int D = T::ambient;
+  static constexpr int N = T::dim;
+  static constexpr int G = kGauge<D>;
+  using Value = ValueOf<T>;
+
+  static const Value* values(const double* x) { return reinterpret_cast<const Value*>(x); }
+  static Value* values(double* x) { return reinterpret_cast<Value*>(x); }
+
+  static void transform(const Rigid<D>& rigid, double* x, std::size_t n) {
+    Value* const v = values(x);
+    for (std::size_t k = 0; k < n; ++k) v[k] = T::template transform<double>(rigid, v[k]);
+  }
+  static void frame_jacobian(const Rigid<D>& rigid, const double* x, std::size_t n, double* out) {
+    for (std::size_t k = 0; k < n; ++k, out += N * N) {
+      Eigen::Map<Mat<N, N>> J(out);
+      J = mapjoin::frame_jacobian<T>(rigid, values(x)[k]);
+    }
+  }
+  static void gauge(const double* x, std::size_t n, double* out) {
+    for (std::size_t k = 0; k < n; ++k, out += N * G) {
+      Eigen::Map<Mat<N, G>> g(out);
+      g = mapjoin::gauge<T>(values(x)[k]);
+    }
+  }
+  static void retract(double* x, const double* d, std::size_t n) {
+    Value* const v = values(x);
+    for (std::size_t k = 0; k < n; ++k, d += N) {
+      v[k] = T::template retract<double>(v[k], TangentOf<T>(Eigen::Map<const TangentOf<T>>(d)));
+    }
+  }
+  static void local(const double* x, const double* y, std::size_t n, double* r) {
+    for (std::size_t k = 0; k < n; ++k, r += N) {
+      Eigen::Map<TangentOf<T>> out(r);
+      out = T::template local<double>(values(x)[k], values(y)[k]);
+    }
+  }
+  static void local_jacobian(const double* x, const double* y, std::size_t n, double* S) {
+    for (std::size_t k = 0; k < n; ++k, S += N * N) {
+      Eigen::Map<Mat<N, N>> out(S);
+      out = mapjoin::local_jacobian<T>(values(x)[k], values(y)[k]);
+    }
+  }
+  static void positions(const double* x, const int* index, std::size_t n, double* out) {
+    if constexpr (HasPosition<T>) {
+      for (std::size_t k = 0; k < n; ++k, out += D) {
+        Eigen::Map<Vec<D>> p(out);
+        p = T::position(values(x)[index[k]]);
+      }
+    }
+  }
+  static void rotations(const double* x, const int* index, std::size_t n, double* out) {
+    if constexpr (HasRotation<T>) {
+      for (std::size_t k = 0; k < n; ++k, out += D * D) {
+        Eigen::Map<Mat<D, D>> R(out);
+        R = T::rotation(values(x)[index[k]]);
+      }
+    }
+  }
+};
+
+template <VariableType T>
+constexpr VariableKind<T::ambient> make_kind() {
+  using F = KindFunctions<T>;
+  VariableKind<T::ambient> kind;
+  kind.tag = Tag(T::name);
+  kind.dim = T::dim;
+  kind.value_size = kValueSize<T>;
+  kind.action = T::action;
+  kind.has_position = HasPosition<T>;
+  kind.has_rotation = HasRotation<T>;
+  kind.transform = &F::transform;
+  kind.frame_jacobian = &F::frame_jacobian;
+  kind.gauge = &F::gauge;
+  kind.retract = &F::retract;
+  kind.local = &F::local;
+  kind.local_jacobian = &F::local_jacobian;
+  kind.positions = HasPosition<T> ? &F::positions : nullptr;
+  kind.rotations = HasRotation<T> ? &F::rotations : nullptr;
+  kind.linearize_relative = &RelativeKernel<T>::linearize;
+  kind.chi2_relative = &RelativeKernel<T>::chi2;
+  return kind;
+}
+
+template <VariableType T>
+inline constexpr VariableKind<T::ambient> kKind = make_kind<T>();
+
+}  // namespace detail
+
+/// The one description of type T. Types are the same when their tags are.
+template <VariableType T>
+constexpr const VariableKind<T::ambient>& kind_of() {
+  return detail::kKind<T>;
+}
+
+}  // namespace mapjoin
