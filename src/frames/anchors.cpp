@@ -1,0 +1,145 @@
+#include "mapjoin/frames/anchors.h"
+
+#include <fmt/format.h>
+#include <Eigen/LU>
+
+#include <algorithm>
+
+namespace mapjoin {
+
+namespace {
+
+constexpr Tag kPoseTag("pose");
+
+template <int D>
+Rigid<D> pose_frame(const double* const* values, const Key*) {
+  return reinterpret_cast<const Rigid<D>*>(values[0])->inverse();
+}
+template <int D>
+void pose_rows(const double* const*, double* P) {
+  Eigen::Map<Mat<kGauge<D>, kGauge<D>>> rows(P);
+  rows.setIdentity();
+}
+template <int D>
+void pin_pose(double* const* values) {
+  *reinterpret_cast<Rigid<D>*>(values[0]) = Rigid<D>::identity();
+}
+
+template <int D>
+constexpr AnchorKind<D> make_pose_anchor() {
+  AnchorKind<D> kind;
+  kind.tag = kPoseTag;
+  kind.arity = 1;
+  kind.types = &kPoseTag;
+  kind.tangent = kGauge<D>;
+  kind.frame = &pose_frame<D>;
+  kind.rows = &pose_rows<D>;
+  kind.pin = &pin_pose<D>;
+  return kind;
+}
+template <int D>
+constexpr AnchorKind<D> kPoseAnchor = make_pose_anchor<D>();
+
+template <int D, class V>
+auto value_pointers(V& values, const std::vector<int>& variables) {
+  std::vector<decltype(values.value(0))> out;
+  for (const int i : variables) out.push_back(values.value(i));
+  return out;
+}
+
+}  // namespace
+
+template <int D>
+const AnchorKind<D>& pose_anchor_kind() {
+  return kPoseAnchor<D>;
+}
+
+template <int D>
+std::string to_string(const Anchor<D>& anchor) {
+  if (anchor.kind == nullptr || anchor.keys.empty()) return "no anchor";
+  if (anchor.keys.size() == 1) return to_string(anchor.keys[0]);
+  std::string out = anchor.kind->tag.text() + ":";
+  for (std::size_t k = 0; k < anchor.keys.size(); ++k) {
+    const Key& key = anchor.keys[k];
+    if (k > 0) out += ",";
+    out += key.session == 0 ? fmt::format("{}", key.id) : fmt::format("{}/{}", key.session, key.id);
+  }
+  return out;
+}
+
+template <int D>
+std::vector<int> anchor_variables(const Anchor<D>& anchor, const VariableSet<D>& variables) {
+  if (anchor.kind == nullptr || static_cast<int>(anchor.keys.size()) != anchor.kind->arity) {
+    throw InputError(
+        "an anchor needs a kind and as many keys as the kind asks for; build it with "
+        "pose_anchor(key)");
+  }
+  std::vector<int> out;
+  for (std::size_t k = 0; k < anchor.keys.size(); ++k) {
+    if (anchor.keys[k].type != anchor.kind->types[k]) {
+      throw InputError(fmt::format("anchor {}: {} is not of type '{}'", anchor.kind->tag.text(),
+                                   to_string(anchor.keys[k]), anchor.kind->types[k].text()));
+    }
+    out.push_back(variables.require(anchor.keys[k], "anchor"));
+  }
+  return out;
+}
+
+template <int D>
+Rigid<D> motion_into(const Anchor<D>& anchor, const Values<D>& values) {
+  const std::vector<int> variables = anchor_variables(anchor, values.variables());
+  const auto pointers = value_pointers<D>(values, variables);
+  return anchor.kind->frame(pointers.data(), anchor.keys.data());
+}
+
+template <int D>
+AnchorRows anchor_rows(const Anchor<D>& anchor, const Values<D>& values) {
+  constexpr int G = kGauge<D>;
+  AnchorRows out;
+  out.variables = anchor_variables(anchor, values.variables());
+  const auto pointers = value_pointers<D>(values, out.variables);
+  out.P.resize(G, anchor.kind->tangent);
+  anchor.kind->rows(pointers.data(), out.P.data());
+  Eigen::MatrixXd g(anchor.kind->tangent, G);
+  int row = 0;
+  for (const int i : out.variables) {
+    const VariableKind<D>& kind = values.variables().kind(i);
+    Eigen::MatrixXd block(kind.dim, G);
+    kind.gauge(values.value(i), 1, block.data());
+    g.middleRows(row, kind.dim) = block;
+    row += kind.dim;
+    for (int k = 0; k < kind.dim; ++k) out.scalars.push_back(values.variables().offset(i) + k);
+  }
+  out.C = out.P * g;
+  const Eigen::FullPivLU<Eigen::MatrixXd> lu(out.C);
+  if (!lu.isInvertible()) {
+    throw DegenerateFrameError(
+        fmt::format("{} does not fix a frame: its variables coincide or are collinear; choose "
+                    "others, or anchor the map at a pose",
+                    to_string(anchor)));
+  }
+  for (int r = 0; r < G; ++r) {
+    const bool unit = (out.P.row(r).array() != 0.0).count() == 1;
+    if (!unit) {
+      out.pinned.clear();
+      return out;
+    }
+    Eigen::Index at = 0;
+    out.P.row(r).cwiseAbs().maxCoeff(&at);
+    out.pinned.push_back(out.scalars[static_cast<std::size_t>(at)]);
+  }
+  std::sort(out.pinned.begin(), out.pinned.end());
+  return out;
+}
+
+#define MAPJOIN_INSTANTIATE(D)                                                            \
+  template const AnchorKind<D>& pose_anchor_kind<D>();                                    \
+  template std::string to_string<D>(const Anchor<D>&);                                    \
+  template std::vector<int> anchor_variables<D>(const Anchor<D>&, const VariableSet<D>&); \
+  template Rigid<D> motion_into<D>(const Anchor<D>&, const Values<D>&);                   \
+  template AnchorRows anchor_rows<D>(const Anchor<D>&, const Values<D>&);
+MAPJOIN_INSTANTIATE(2)
+MAPJOIN_INSTANTIATE(3)
+#undef MAPJOIN_INSTANTIATE
+
+}  // namespace mapjoin
