@@ -13,7 +13,7 @@ namespace {
 constexpr std::size_t kCacheLine = 64;
 constexpr std::size_t kHugePage = std::size_t{1} << 21;
 
-std::size_t round_up(std::size_t bytes, std::size_t unit) {
+std::size_t whole_units(std::size_t bytes, std::size_t unit) {
   return (bytes + unit - 1) / unit * unit;
 }
 
@@ -28,11 +28,11 @@ double* AlignedBuffer::require(std::int64_t size) {
   const std::size_t bytes = static_cast<std::size_t>(size) * sizeof(double);
   const bool huge = bytes >= kHugePage;
   const std::size_t unit = huge ? kHugePage : kCacheLine;
-  void* const memory = std::aligned_alloc(unit, round_up(bytes, unit));
+  void* const memory = std::aligned_alloc(unit, whole_units(bytes, unit));
   if (memory == nullptr) throw std::bad_alloc();
 #if defined(__linux__)
   // Advice only: where it is refused, small pages do.
-  if (huge) static_cast<void>(madvise(memory, round_up(bytes, unit), MADV_HUGEPAGE));
+  if (huge) static_cast<void>(madvise(memory, whole_units(bytes, unit), MADV_HUGEPAGE));
 #endif
   data_.reset(static_cast<double*>(memory));
   size_ = size;

@@ -12,7 +12,7 @@ namespace {
 #if defined(__AVX512VL__)
 
 // Runs are often one or two blocks long. Masks add them without a branch on the length.
-inline void add(double* to, const double* from, int n) {
+inline void add_run(double* to, const double* from, int n) {
   for (; n > 8; n -= 8, to += 8, from += 8) {
     _mm512_storeu_pd(to, _mm512_add_pd(_mm512_loadu_pd(to), _mm512_loadu_pd(from)));
   }
@@ -43,7 +43,7 @@ inline void add_fixed(double* to, const double* from) {
 }
 
 // Runs are often one or two blocks long: no loop set-up for those.
-inline void add(double* to, const double* from, int n) {
+inline void add_run(double* to, const double* from, int n) {
   for (; n >= 8; n -= 8, to += 8, from += 8) add_fixed<8>(to, from);
   if (n & 4) {
     add_fixed<4>(to, from);
@@ -71,9 +71,9 @@ void extend_add(const FrontView& front, const UpdateMatrix& child, std::span<con
     for (int j = std::max(run.to, begin); j < stop; ++j) {
       double* const to = front.column(j);
       const double* const from = child.column(j - shift);
-      add(to + j, from + (j - shift), run.to + run.length - j);
+      add_run(to + j, from + (j - shift), run.to + run.length - j);
       for (const RowRun& below : runs.subspan(r + 1))
-        add(to + below.to, from + below.from, below.length);
+        add_run(to + below.to, from + below.from, below.length);
     }
     if (run.to + run.length >= end) return;
   }
@@ -82,8 +82,8 @@ void extend_add(const FrontView& front, const UpdateMatrix& child, std::span<con
 void extend_add_diagonal(double* diagonal, const UpdateMatrix& child,
                          std::span<const RowRun> runs) {
   for (const RowRun& run : runs) {
-    add(diagonal + run.to, child.diagonal() + run.from,
-        std::min(run.length, child.size() - run.from));
+    add_run(diagonal + run.to, child.diagonal() + run.from,
+            std::min(run.length, child.size() - run.from));
   }
 }
 

@@ -8,7 +8,7 @@
 namespace mapjoin {
 namespace {
 
-using Stride = std::int64_t;
+using ColumnStride = std::int64_t;
 
 // The widest tile whose accumulators, with one column of operands, fit the vector registers: 24 x 8
 // in the 32 registers of AVX-512 (asked for by a feature that implies it), else 12 x 4. The
@@ -24,37 +24,37 @@ constexpr int kTileRows = kTileVectors * kLanes;
 constexpr int kBlockColumns = 64;  // pivots eliminated before the rest of the front is updated
 static_assert(kRowGroup % kLanes == 0 && kBlockColumns % kTileColumns == 0);
 
-using Vector = double __attribute__((vector_size(kLanes * sizeof(double)), may_alias));
+using Lanes = double __attribute__((vector_size(kLanes * sizeof(double)), may_alias));
 
-inline Vector* vectors(double* p) { return reinterpret_cast<Vector*>(p); }
-inline const Vector* vectors(const double* p) { return reinterpret_cast<const Vector*>(p); }
+inline Lanes* lanes(double* p) { return reinterpret_cast<Lanes*>(p); }
+inline const Lanes* lanes(const double* p) { return reinterpret_cast<const Lanes*>(p); }
 
 template <int M, int N>
 struct Tile {
-  Vector v[M][N];  // M vectors of rows, N columns
+  Lanes v[M][N];  // M vectors of rows, N columns
 
-  void load(const double* c, Stride ld) {
+  void load(const double* c, ColumnStride ld) {
 #pragma GCC unroll 8
     for (int n = 0; n < N; ++n) {
 #pragma GCC unroll 8
-      for (int m = 0; m < M; ++m) v[m][n] = vectors(c + n * ld)[m];
+      for (int m = 0; m < M; ++m) v[m][n] = lanes(c + n * ld)[m];
     }
   }
 
-  void store(double* c, Stride ld) const {
+  void store(double* c, ColumnStride ld) const {
 #pragma GCC unroll 8
     for (int n = 0; n < N; ++n) {
 #pragma GCC unroll 8
-      for (int m = 0; m < M; ++m) vectors(c + n * ld)[m] = v[m][n];
+      for (int m = 0; m < M; ++m) lanes(c + n * ld)[m] = v[m][n];
     }
   }
 
   // Subtracts A B', A of M vectors of rows and B of N rows, both with `depth` columns.
-  void subtract_product(const double* a, const double* b, Stride ld, int depth) {
+  void subtract_product(const double* a, const double* b, ColumnStride ld, int depth) {
     for (int l = 0; l < depth; ++l, a += ld, b += ld) {
-      Vector row[M];
+      Lanes row[M];
 #pragma GCC unroll 8
-      for (int m = 0; m < M; ++m) row[m] = vectors(a)[m];
+      for (int m = 0; m < M; ++m) row[m] = lanes(a)[m];
 #pragma GCC unroll 8
       for (int n = 0; n < N; ++n) {
         const double factor = b[n];
@@ -81,8 +81,8 @@ struct Tile {
 
 // C -= A B'.
 template <int M, int N>
-void update_tile(double* c, Stride c_stride, const double* a, const double* b, Stride ld,
-                 int depth) {
+void update_tile(double* c, ColumnStride c_stride, const double* a, const double* b,
+                 ColumnStride ld, int depth) {
   Tile<M, N> tile;
   tile.load(c, c_stride);
   tile.subtract_product(a, b, ld, depth);
@@ -92,7 +92,7 @@ void update_tile(double* c, Stride c_stride, const double* a, const double* b, S
 // Rows below the pivots: C = (C - A B') L^-T. `diagonal` points to the pivots' own tile, `b` to its
 // rows of earlier columns.
 template <int M, int N>
-void solve_tile(double* c, const double* a, const double* b, Stride ld, int depth,
+void solve_tile(double* c, const double* a, const double* b, ColumnStride ld, int depth,
                 const double* diagonal, const double* inverse) {
   Tile<M, N> tile;
   tile.load(c, ld);
@@ -107,7 +107,7 @@ void solve_tile(double* c, const double* a, const double* b, Stride ld, int dept
 // The pivots' own rows (the first ones of the tile) and rows just below. Returns the first pivot
 // that is too small, or -1.
 template <int M, int N>
-int pivot_tile(double* c, const double* a, Stride ld, int depth, const double* smallest,
+int pivot_tile(double* c, const double* a, ColumnStride ld, int depth, const double* smallest,
                double* inverse) {
   Tile<M, N> tile;
   tile.load(c, ld);
@@ -128,10 +128,10 @@ int pivot_tile(double* c, const double* a, Stride ld, int depth, const double* s
   return failed;
 }
 
-using UpdateTile = void (*)(double*, Stride, const double*, const double*, Stride, int);
-using SolveTile = void (*)(double*, const double*, const double*, Stride, int, const double*,
+using UpdateTile = void (*)(double*, ColumnStride, const double*, const double*, ColumnStride, int);
+using SolveTile = void (*)(double*, const double*, const double*, ColumnStride, int, const double*,
                            const double*);
-using PivotTile = int (*)(double*, const double*, Stride, int, const double*, double*);
+using PivotTile = int (*)(double*, const double*, ColumnStride, int, const double*, double*);
 
 // Kernels by (vectors of rows - 1) * kTileColumns + (columns - 1).
 template <std::size_t... I>
@@ -151,9 +151,9 @@ constexpr auto kUpdateTiles = update_tiles(TileShapes{});
 constexpr auto kSolveTiles = solve_tiles(TileShapes{});
 constexpr auto kPivotTiles = pivot_tiles(TileShapes{});
 
-int shape(int rows, int columns) { return (rows / kLanes - 1) * kTileColumns + columns - 1; }
-int round_up(int rows) { return (rows + kLanes - 1) / kLanes * kLanes; }
-int round_down(int rows) { return rows / kLanes * kLanes; }
+int tile_shape(int rows, int columns) { return (rows / kLanes - 1) * kTileColumns + columns - 1; }
+int whole_vectors(int rows) { return (rows + kLanes - 1) / kLanes * kLanes; }
+int vector_of(int rows) { return rows / kLanes * kLanes; }
 
 // One front under elimination: the state shared by the steps below.
 struct Elimination {
@@ -166,20 +166,20 @@ struct Elimination {
       std::array<double, kBlockColumns> inverse = {};  // of the block's pivots on the diagonal of L
 
   double* at(int row, int column) const {
-    return front.panel() + column * Stride{front.stride()} + row;
+    return front.panel() + column * ColumnStride{front.stride()} + row;
   }
 
   // Rows first .. below - 1 of the block's columns, with the pivots themselves.
   int factor_pivots(const double* smallest) {
     const int columns = last - first;
-    below = std::min(row_end, columns <= kTileColumns ? first + kTileRows : round_up(last));
+    below = std::min(row_end, columns <= kTileColumns ? first + kTileRows : whole_vectors(last));
     int failed = -1;
     for (int c = first; c < last; c += kTileColumns) {
       const int width = std::min(kTileColumns, last - c);
       const int height = std::min(kTileRows, below - c);
       const int bad =
-          kPivotTiles[shape(height, width)](at(c, c), at(c, first), front.stride(), c - first,
-                                            smallest + c, inverse.data() + (c - first));
+          kPivotTiles[tile_shape(height, width)](at(c, c), at(c, first), front.stride(), c - first,
+                                                 smallest + c, inverse.data() + (c - first));
       if (bad >= 0 && failed < 0) failed = c + bad;
       for (int r = c + height; r < below; r += kTileRows)
         solve(r, std::min(kTileRows, below - r), c, width);
@@ -188,9 +188,9 @@ struct Elimination {
   }
 
   void solve(int row, int height, int column, int width) const {
-    kSolveTiles[shape(height, width)](at(row, column), at(row, first), at(column, first),
-                                      front.stride(), column - first, at(column, column),
-                                      inverse.data() + (column - first));
+    kSolveTiles[tile_shape(height, width)](at(row, column), at(row, first), at(column, first),
+                                           front.stride(), column - first, at(column, column),
+                                           inverse.data() + (column - first));
   }
 
   int strips_below() const { return (row_end - below + kTileRows - 1) / kTileRows; }
@@ -203,23 +203,23 @@ struct Elimination {
       solve(row, height, c, std::min(kTileColumns, last - c));
   }
 
-  int strips_right() const { return (row_end - round_down(last) + kTileRows - 1) / kTileRows; }
+  int strips_right() const { return (row_end - vector_of(last) + kTileRows - 1) / kTileRows; }
 
   // Takes the block's share off one strip of rows in all columns right of it. Long strips come
   // first, for balance.
   void update_strip(int strip) const {
-    const int row = round_down(last) + (strips_right() - 1 - strip) * kTileRows;
+    const int row = vector_of(last) + (strips_right() - 1 - strip) * kTileRows;
     const int row_stop = std::min(row + kTileRows, row_end);
     update_columns(row, row_stop, last, std::min(front.pivot_dim(), row_stop), front.stride());
     update_columns(row, row_stop, front.pivot_dim(), std::min(front.rows(), row_stop),
                    front.update_stride());
   }
 
-  void update_columns(int row, int row_stop, int begin, int end, Stride c_stride) const {
+  void update_columns(int row, int row_stop, int begin, int end, ColumnStride c_stride) const {
     double* to = begin < end ? front.column(begin) : nullptr;
     for (int c = begin; c < end; c += kTileColumns, to += kTileColumns * c_stride) {
-      const int top = std::max(row, round_down(c));
-      kUpdateTiles[shape(row_stop - top, std::min(kTileColumns, end - c))](
+      const int top = std::max(row, vector_of(c));
+      kUpdateTiles[tile_shape(row_stop - top, std::min(kTileColumns, end - c))](
           to + top, c_stride, at(top, first), at(c, first), front.stride(), last - first);
     }
   }
@@ -238,7 +238,7 @@ struct Elimination {
 }  // namespace
 
 int eliminate_pivots(const FrontView& front, const double* smallest, LoopRunner loop) {
-  Elimination step{.front = front, .row_end = round_up(front.rows() + 1)};
+  Elimination step{.front = front, .row_end = whole_vectors(front.rows() + 1)};
   int failed = -1;
   for (step.first = 0; step.first < front.pivot_dim(); step.first = step.last) {
     step.last = std::min(step.first + kBlockColumns, front.pivot_dim());

@@ -12,13 +12,13 @@ using Index = std::int32_t;
 constexpr double kTaskShare =
     1.0 / 32;  // a task is at most this share of the work, if it is a subtree
 
-Index round_up(Index rows) { return (rows + kRowGroup - 1) / kRowGroup * kRowGroup; }
-Index round_down(Index rows) { return rows / kRowGroup * kRowGroup; }
+Index whole_groups(Index rows) { return (rows + kRowGroup - 1) / kRowGroup * kRowGroup; }
+Index row_group_of(Index rows) { return rows / kRowGroup * kRowGroup; }
 
 // Whole row groups; an odd number of them once columns are long, so that neighbouring columns fall
 // on all cache sets.
-Index stride(Index rows) {
-  const Index groups = round_up(rows) / kRowGroup;
+Index column_stride(Index rows) {
+  const Index groups = whole_groups(rows) / kRowGroup;
   return kRowGroup * (groups >= 16 && groups % 2 == 0 ? groups + 1 : groups);
 }
 
@@ -109,7 +109,7 @@ class TaskPlanner {
 std::int64_t update_size(const Front& front) {
   if (front.update_dim == 0) return 0;
   return std::int64_t{front.update_stride} * front.update_dim +
-         round_up(front.update_dim + kRowGroup - 1);
+         whole_groups(front.update_dim + kRowGroup - 1);
 }
 
 // Gives update matrices their places. The matrices of a subtree lie in one stretch of memory,
@@ -123,8 +123,12 @@ class UpdatePlanner {
         odd_depth_(structure.fronts.size(), 0) {
     const auto& fronts = structure.fronts;
     for (std::size_t f = fronts.size(); f-- > 0;) {
-      if (fronts[f].parent >= 0)
+      if (fronts[f].parent >= 0) {
         odd_depth_[f] = static_cast<char>(1 - odd_depth_[fronts[f].parent]);
+      }
+      // A view counts rows from the front's first, so its columns start before S; yet never before
+      // the workspace.
+      end_ = std::max<std::int64_t>(end_, whole_groups(fronts[f].pivot_dim));
     }
   }
 
@@ -200,8 +204,8 @@ void plan_memory(FrontalStructure& structure) {
   FactorStatistics& statistics = structure.statistics;
   std::int64_t factor_end = 0;
   for (Front& front : fronts) {
-    front.panel_stride = stride(front.rows() + 1);
-    front.update_stride = stride(front.rows() + 1 - round_down(front.pivot_dim));
+    front.panel_stride = column_stride(front.rows() + 1);
+    front.update_stride = column_stride(front.rows() + 1 - row_group_of(front.pivot_dim));
     front.panel = factor_end;
     factor_end += std::int64_t{front.panel_stride} * front.pivot_dim;
     const std::int64_t p = front.pivot_dim;

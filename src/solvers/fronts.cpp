@@ -14,7 +14,7 @@ namespace {
 
 using Index = std::int32_t;
 
-std::vector<Index> inverse(std::span<const Index> permutation) {
+std::vector<Index> inverse_permutation(std::span<const Index> permutation) {
   std::vector<Index> result(permutation.size(), -1);
   for (std::size_t i = 0; i < permutation.size(); ++i) {
     const Index v = permutation[i];
@@ -49,7 +49,7 @@ void apply_postorder(std::vector<Index>& order, std::vector<Index>& position,
   const std::vector<Index> post = postorder(parent);
   const std::vector<Index> old_order = order;
   const std::vector<Index> old_parent = parent;
-  const std::vector<Index> renumbered = inverse(post);
+  const std::vector<Index> renumbered = inverse_permutation(post);
   for (std::size_t k = 0; k < post.size(); ++k) {
     order[k] = old_order[post[k]];
     position[order[k]] = static_cast<Index>(k);
@@ -66,7 +66,7 @@ class Analysis {
       throw InputError("analyze: the order has another size than dims");
     s_.dims.assign(dims.begin(), dims.end());
     s_.order.assign(order.begin(), order.end());
-    s_.position = inverse(order);
+    s_.position = inverse_permutation(order);
     s_.scalar_of = running_sums(dims, [](std::size_t v) { return v; });
   }
 

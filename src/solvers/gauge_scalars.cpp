@@ -1,0 +1,64 @@
+#include "mapjoin/solvers/gauge_scalars.h"
+
+#include <algorithm>
+
+namespace mapjoin {
+
+template <int D>
+Eigen::MatrixXd gauge_rows(const VariableSet<D>& all, const Piece<D>& piece) {
+  constexpr int G = kGauge<D>;
+  int scalars = 0;
+  for (std::size_t c = 0; c < piece.data.size(); ++c)
+    scalars += piece.column_size(c) * all.column(static_cast<int>(c)).kind->dim;
+  Eigen::MatrixXd g(scalars, G);
+  std::vector<double> blocks;
+  int row = 0;
+  for (std::size_t c = 0; c < piece.data.size(); ++c) {
+    const VariableKind<D>& kind = *all.column(static_cast<int>(c)).kind;
+    const auto count = static_cast<std::size_t>(piece.column_size(c));
+    const auto size = static_cast<std::size_t>(kind.dim * G);
+    blocks.resize(count * size);
+    kind.gauge(piece.data[c].data(), count, blocks.data());
+    for (std::size_t k = 0; k < count; ++k, row += kind.dim) {
+      g.middleRows(row, kind.dim) =
+          Eigen::Map<const Eigen::MatrixXd>(blocks.data() + k * size, kind.dim, G);
+    }
+  }
+  return g;
+}
+
+template <int D>
+std::vector<PieceScalar> gauge_scalars(const VariableSet<D>& all, const Piece<D>& piece, int pose) {
+  constexpr int G = kGauge<D>;
+  std::vector<PieceScalar> out;
+  if (pose >= 0) {
+    for (int s = 0; s < G; ++s) out.push_back({pose, s});
+    return out;
+  }
+  std::vector<PieceScalar> owner;
+  for (int k = 0; k < piece.size(); ++k) {
+    const int dim = all.dim(piece.variables[static_cast<std::size_t>(k)]);
+    for (int s = 0; s < dim; ++s) owner.push_back({k, s});
+  }
+  Eigen::MatrixXd rows = gauge_rows(all, piece);
+  for (int step = 0; step < G; ++step) {
+    Eigen::Index best = 0;
+    rows.rowwise().squaredNorm().maxCoeff(&best);
+    out.push_back(owner[static_cast<std::size_t>(best)]);
+    const Eigen::RowVectorXd direction = rows.row(best).normalized();
+    rows -= (rows * direction.transpose()) * direction;
+  }
+  std::sort(out.begin(), out.end(), [](const PieceScalar& a, const PieceScalar& b) {
+    return std::pair(a.variable, a.scalar) < std::pair(b.variable, b.scalar);
+  });
+  return out;
+}
+
+#define MAPJOIN_INSTANTIATE(D)                                                    \
+  template Eigen::MatrixXd gauge_rows<D>(const VariableSet<D>&, const Piece<D>&); \
+  template std::vector<PieceScalar> gauge_scalars<D>(const VariableSet<D>&, const Piece<D>&, int);
+MAPJOIN_INSTANTIATE(2)
+MAPJOIN_INSTANTIATE(3)
+#undef MAPJOIN_INSTANTIATE
+
+}  // namespace mapjoin

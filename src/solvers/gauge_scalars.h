@@ -1,0 +1,26 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "mapjoin/graph/piece.h"
+
+namespace mapjoin {
+
+/// One scalar of a variable of a piece.
+struct PieceScalar {
+  int variable = 0;  ///< place in the piece
+  int scalar = 0;    ///< of its tangent
+};
+
+/// kGauge scalars which, held, fix the gauge of a piece: all of the pose at place `pose` when that
+/// is not negative, else those whose gauge rows are most independent (Gram-Schmidt with pivoting
+/// over all of them). Sorted. O(variables).
+template <int D>
+std::vector<PieceScalar> gauge_scalars(const VariableSet<D>& all, const Piece<D>& piece, int pose);
+
+/// The stacked gauge rows of a piece: scalars x kGauge.
+template <int D>
+Eigen::MatrixXd gauge_rows(const VariableSet<D>& all, const Piece<D>& piece);
+
+}  // namespace mapjoin

@@ -1,0 +1,241 @@
+#include "mapjoin/solvers/observation_system.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "mapjoin/solvers/gauge_scalars.h"
+
+namespace mapjoin {
+
+namespace {
+
+std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
+
+constexpr std::int64_t kChunk = 1024;  // measurements a task of chi2 takes: fixed, so that sums are
+
+DenseTarget target_of(const FrontView& view) {
+  return {view.panel(),         view.stride(), view.pivot_dim(), view.column(view.pivot_dim()),
+          view.update_stride(), view.rows()};
+}
+
+}  // namespace
+
+template <int D>
+ObservationSystem<D>::ObservationSystem(const MeasurementGraph<D>& graph, const Piece<D>& piece,
+                                        std::span<const std::int32_t> rank, Places& places)
+    : graph_(graph), list_(graph, piece, places), cliques_(list_.cliques()) {
+  hold_gauge(piece);
+  plan(piece, rank);
+  sort_by_front(piece);
+}
+
+template <int D>
+void ObservationSystem<D>::plan(const Piece<D>& piece, std::span<const std::int32_t> rank) {
+  hold_gauge(piece);
+
+  const Cliques view{cliques_.start, cliques_.variables};
+  std::vector<std::int32_t> order;
+  if (rank.empty()) {
+    order = order_blocks(list_.dims(), view);
+  } else {
+    order.resize(piece.variables.size());
+    std::iota(order.begin(), order.end(), 0);
+    const auto rank_of = [&](std::int32_t i) { return rank[at(piece.variables[at(i)])]; };
+    std::sort(order.begin(), order.end(),
+              [&](std::int32_t a, std::int32_t b) { return rank_of(a) < rank_of(b); });
+  }
+  structure_ = analyze(list_.dims(), view, order);
+}
+
+/// Holds the pose that most observations touch, or scalars of features where there is no pose.
+template <int D>
+void ObservationSystem<D>::hold_gauge(const Piece<D>& piece) {
+  int pose = -1;
+  const int column = graph_.variables.find_column(Tag("pose"));
+  if (column >= 0 && piece.column_size(at(column)) > 0) {
+    std::vector<int> count(list_.dims().size(), 0);
+    for (const std::int32_t v : list_.cliques().variables) ++count[at(v)];
+    const auto begin = count.begin() + piece.column_start[at(column)];
+    const auto end = count.begin() + piece.column_start[at(column) + 1];
+    pose = static_cast<int>(std::max_element(begin, end) - count.begin());
+  }
+  for (const PieceScalar& s : gauge_scalars(graph_.variables, piece, pose))
+    held_.push_back({s.variable, s.scalar, 0, 0.0});
+  weigh_held(piece);
+  for (std::size_t h = 0; h < held_.size(); ++h) {
+    const bool same = h > 0 && held_[h].variable == held_[h - 1].variable;
+    if (!same) {
+      cliques_.variables.push_back(held_[h].variable);
+      cliques_.start.push_back(static_cast<std::int64_t>(cliques_.variables.size()));
+    }
+    held_[h].clique = static_cast<std::int64_t>(cliques_.size()) - 1;
+  }
+}
+
+/// A held scalar gets a stiffness of the size of its own information: any would do, this one
+/// conditions well.
+template <int D>
+void ObservationSystem<D>::weigh_held(const Piece<D>& piece) {
+  constexpr int kEnough = 64;  // observations of a variable to look at
+  SubmapScratch scratch;
+  Eigen::MatrixXd H;
+  int seen = 0;
+  for (std::int64_t k = 0; k < static_cast<std::int64_t>(list_.size()) &&
+                           seen < kEnough * static_cast<int>(held_.size());
+       ++k) {
+    const auto clique = list_.clique(k);
+    bool evaluated = false;
+    for (Held& held : held_) {
+      const auto found = std::find(clique.begin(), clique.end(), held.variable);
+      if (found == clique.end()) continue;
+      if (!evaluated) list_.evaluate_alone(k, piece, H, scratch);
+      evaluated = true;
+      int row = held.scalar;
+      for (auto v = clique.begin(); v != found; ++v) row += list_.dims()[at(*v)];
+      held.weight += H(row, row);
+      ++seen;
+    }
+  }
+  for (Held& held : held_) {
+    if (!(held.weight > 0.0) || !std::isfinite(held.weight)) held.weight = 1.0;
+  }
+}
+
+template <int D>
+void ObservationSystem<D>::sort_by_front(const Piece<D>& piece) {
+  std::vector<std::int64_t> first;  // observation number of each column's first measurement
+  std::int64_t next = 0;
+  int c = 0;
+  for (const auto& column : graph_.relative) {
+    Relative group;
+    group.measurements = &column;
+    group.column = graph_.variables.find_column(column.kind->tag);
+    relative_.push_back(std::move(group));
+    first.push_back(next);
+    next += static_cast<std::int64_t>(column.size());
+  }
+  const int poses = graph_.variables.find_column(Tag("pose"));
+  const auto regular = static_cast<std::int64_t>(list_.size());
+  const std::size_t fronts = structure_.fronts.size();
+  for (std::size_t f = 0; f < fronts; ++f) {
+    for (Relative& group : relative_)
+      group.front.push_back(static_cast<std::int64_t>(group.id.size()));
+    submap_front_.push_back(static_cast<std::int64_t>(submap_cliques_.size()));
+    c = 0;
+    for (const std::int64_t k : structure_.owned_by(static_cast<std::int32_t>(f))) {
+      if (k >= regular || list_.observation(k) >= next) {
+        submap_cliques_.push_back(k);
+        continue;
+      }
+      while (c + 1 < static_cast<int>(first.size()) && list_.observation(k) >= first[at(c) + 1])
+        ++c;
+      Relative& group = relative_[at(c)];
+      const auto v = list_.clique(k);
+      const auto rows = structure_.clique_rows(k);
+      group.id.push_back(static_cast<std::int32_t>(list_.observation(k) - first[at(c)]));
+      group.slots.push_back(v[0] - piece.column_start[at(poses)]);
+      group.slots.push_back(v[1] - piece.column_start[at(group.column)]);
+      group.offsets.push_back(rows[0]);
+      group.offsets.push_back(rows[1]);
+    }
+  }
+  for (Relative& group : relative_)
+    group.front.push_back(static_cast<std::int64_t>(group.id.size()));
+  submap_front_.push_back(static_cast<std::int64_t>(submap_cliques_.size()));
+  front_chi2_.resize(fronts);
+}
+
+template <int D>
+RelativeBatch<D> ObservationSystem<D>::batch(const Relative& group, const Piece<D>& piece,
+                                             std::int64_t first, std::int64_t last) const {
+  const auto poses = at(graph_.variables.find_column(Tag("pose")));
+  RelativeBatch<D> out;
+  out.size = at(last - first);
+  out.id = group.id.data() + first;
+  out.z = group.measurements->z.data();
+  out.info = group.measurements->info.data();
+  out.poses = piece.data[poses].data();
+  out.values = piece.data[at(group.column)].data();
+  out.slots = group.slots.data() + 2 * first;
+  out.offsets = group.offsets.data() + 2 * first;
+  return out;
+}
+
+template <int D>
+void ObservationSystem<D>::assemble(std::int32_t front, const FrontView& view,
+                                    const Piece<D>& piece) {
+  const DenseTarget target = target_of(view);
+  const std::size_t f = at(front);
+  double chi2 = 0.0;
+  for (const Relative& group : relative_) {
+    if (group.front[f] == group.front[f + 1]) continue;
+    chi2 += group.measurements->kind->linearize_relative(
+        batch(group, piece, group.front[f], group.front[f + 1]), target);
+  }
+  if (submap_front_[f] != submap_front_[f + 1]) {
+    SubmapScratch scratch;
+    for (std::int64_t s = submap_front_[f]; s < submap_front_[f + 1]; ++s) {
+      const std::int64_t k = submap_cliques_[at(s)];
+      const auto rows = structure_.clique_rows(k);
+      if (k < static_cast<std::int64_t>(list_.size())) {
+        chi2 += list_.evaluate(k, piece, rows, &target, scratch);
+        continue;
+      }
+      for (const Held& held : held_) {
+        if (held.clique != k) continue;
+        const std::int64_t row = rows[0] + held.scalar;
+        target.column(row)[row] += held.weight;
+      }
+    }
+  }
+  front_chi2_[f] = chi2;
+}
+
+template <int D>
+auto ObservationSystem<D>::solve(const Piece<D>& piece, FrontalCholesky& cholesky, WorkerPool& pool,
+                                 Eigen::VectorXd& increment) -> Step {
+  Step step;
+  const auto assembler = [&](std::int32_t front, const FrontView& view) {
+    assemble(front, view, piece);
+  };
+  const FactorStatus status = cholesky.factorize(structure_, assembler, pool);
+  if (!status.ok()) {
+    step.failed = piece.variables[at(status.failed_variable)];
+    return step;
+  }
+  for (const double c : front_chi2_) step.chi2 += c;
+  increment.resize(structure_.statistics.scalars);
+  cholesky.solve(increment, pool);
+  step.predicted_decrease = cholesky.squared_norm_of_y();
+  return step;
+}
+
+template <int D>
+double ObservationSystem<D>::chi2(const Piece<D>& piece, WorkerPool& pool) {
+  double sum = 0.0;
+  std::vector<double> parts;
+  for (const Relative& group : relative_) {
+    const auto n = static_cast<std::int64_t>(group.id.size());
+    const std::int64_t chunks = (n + kChunk - 1) / kChunk;
+    parts.assign(at(chunks), 0.0);
+    pool.run([&](int thread) {
+      for (std::int64_t c = thread; c < chunks; c += pool.threads()) {
+        const std::int64_t first = c * kChunk;
+        parts[at(c)] = group.measurements->kind->chi2_relative(
+            batch(group, piece, first, std::min(n, first + kChunk)));
+      }
+    });
+    for (const double p : parts) sum += p;
+  }
+  SubmapScratch scratch;
+  for (const std::int64_t k : submap_cliques_) {
+    if (k < static_cast<std::int64_t>(list_.size()))
+      sum += list_.evaluate(k, piece, {}, nullptr, scratch);
+  }
+  return sum;
+}
+
+template class ObservationSystem<2>;
+template class ObservationSystem<3>;
+
+}  // namespace mapjoin

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "mapjoin/graph/block_matrix.h"
+#include "mapjoin/graph/measurement_graph.h"
+#include "mapjoin/graph/piece.h"
+#include "mapjoin/solvers/frontal_cholesky.h"
+#include "mapjoin/solvers/observation_list.h"
+
+namespace mapjoin {
+
+/// The linear least squares problem of one join: all observations of a piece, linearised where its
+/// values are, with increments of its variables as unknowns.
+///
+/// Every observation is evaluated in its own anchor's frame at the current values, so the system is
+/// exactly gauge-free; a few scalars are held to fix the gauge, and which ones does not matter. The
+/// plan (order, fronts, offsets) is made once; each step evaluates every observation right inside
+/// the front that eliminates its first variable, factorises and solves. Nothing is looked up by key
+/// and nothing is allocated for a variable.
+template <int D>
+class ObservationSystem {
+ public:
+  struct Step {
+    double chi2 = 0.0;                ///< before the step
+    double predicted_decrease = 0.0;  ///< of chi2, by the linear model
+    int failed = -1;  ///< number in the graph of a variable the observations do not determine
+    bool ok() const { return failed < 0; }
+  };
+
+  /// Plans the system of piece.observations over piece.variables. `rank` orders the elimination:
+  /// lower is sooner, one entry for each variable of the graph; empty: a fill-reducing order is
+  /// computed. O(fill of the factor's pattern).
+  ObservationSystem(const MeasurementGraph<D>& graph, const Piece<D>& piece,
+                    std::span<const std::int32_t> rank, Places& places);
+
+  /// Solves A^T I_Z A d = A^T I_Z Z at the piece's values. `increment` becomes d, in the order of
+  /// the piece's variables. Same bits for any number of threads of the pool.
+  Step solve(const Piece<D>& piece, FrontalCholesky& cholesky, WorkerPool& pool,
+             Eigen::VectorXd& increment);
+
+  /// The sum of r^T I r at the piece's values.
+  double chi2(const Piece<D>& piece, WorkerPool& pool);
+
+  /// Gauge-free information over the piece's variables at its values.
+  SymmetricBlockMatrix information(const Piece<D>& piece) const { return list_.information(piece); }
+
+  const FactorStatistics& statistics() const { return structure_.statistics; }
+
+ private:
+  /// Measurements of one type in the order of the fronts that own them.
+  struct Relative {
+    const RelativeMeasurements<D>* measurements = nullptr;
+    int column = 0;                     ///< of the graph's variables
+    std::vector<std::int32_t> id;       ///< row in the measurements
+    std::vector<std::int32_t> slots;    ///< pairs: places of pose and variable within their columns
+    std::vector<std::int32_t> offsets;  ///< pairs: rows in the owner's front
+    std::vector<std::int64_t> front;    ///< per front: first entry
+  };
+  struct Held {
+    int variable = 0;         ///< place in the piece
+    int scalar = 0;           ///< of its tangent
+    std::int64_t clique = 0;  ///< that holds this variable alone
+    double weight = 1.0;
+  };
+
+  void hold_gauge(const Piece<D>& piece);
+  void weigh_held(const Piece<D>& piece);
+  void plan(const Piece<D>& piece, std::span<const std::int32_t> rank);
+  void sort_by_front(const Piece<D>& piece);
+  RelativeBatch<D> batch(const Relative& relative, const Piece<D>& piece, std::int64_t first,
+                         std::int64_t last) const;
+  void assemble(std::int32_t front, const FrontView& view, const Piece<D>& piece);
+
+  const MeasurementGraph<D>& graph_;
+  ObservationList<D> list_;
+  CliqueList cliques_;  ///< of the observations; then one for each held variable
+  std::vector<Held> held_;
+  FrontalStructure structure_;
+  std::vector<Relative> relative_;
+  std::vector<std::int64_t> submap_cliques_;  ///< in the order of the fronts that own them
+  std::vector<std::int64_t> submap_front_;    ///< per front: first entry
+  std::vector<double> front_chi2_;
+};
+
+}  // namespace mapjoin
