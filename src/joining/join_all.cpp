@@ -1,0 +1,117 @@
+#include "mapjoin/joining/join_all.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "mapjoin/frames/change_frame.h"
+#include "mapjoin/joining/observing_join.h"
+#include "mapjoin/joining/refine.h"
+#include "mapjoin/joining/report.h"
+#include "mapjoin/joining/summary_tree.h"
+
+namespace mapjoin {
+
+namespace {
+
+/// A step that promises less than this part of chi2 is the last. Gauss-Newton has then converged
+/// far below 1e-6.
+constexpr double kRefineTolerance = 1e-9;
+
+void check(const JoinOptions& options) {
+  if (options.threads < 1) throw InputError("threads must be at least 1");
+  if (options.leaf_variables < 1) throw InputError("leaf_variables must be at least 1");
+  if (options.arity < 2) throw InputError("arity must be at least 2");
+  if (options.max_refine_solves < 1) throw InputError("max_refine_solves must be at least 1");
+}
+
+template <int D>
+JoinTree make_tree(const MeasurementGraph<D>& graph, const JoinOptions& options) {
+  if (options.strategy == Strategy::kSequential) return sequential_tree(local_maps_of(graph));
+  if (options.tree == TreeShape::kOrder) return divide_and_conquer_tree(local_maps_of(graph));
+  return graph_tree(graph, options.leaf_variables, options.arity);
+}
+
+/// Writes a piece in the frame of its lowest pose. \returns that anchor; none where there is no
+/// pose.
+template <int D>
+Anchor<D> into_lowest_pose(const VariableSet<D>& all, Piece<D>& piece) {
+  const Anchor<D> anchor = lowest_pose_anchor(all, piece);
+  if (anchor.keys.empty()) return anchor;
+  auto* const pose = reinterpret_cast<Rigid<D>*>(
+      piece.data[static_cast<std::size_t>(all.find_column(Tag("pose")))].data());
+  move(all, piece, pose->inverse());
+  *pose = Rigid<D>::identity();
+  return anchor;
+}
+
+}  // namespace
+
+template <int D>
+JoinResult<D> join_all(const MeasurementGraph<D>& graph, const JoinOptions& options) {
+  check(options);
+  if (graph.size() == 0) throw InputError("there are no measurements: nothing to join");
+  if (options.mode == Mode::kPaper || options.mode == Mode::kSummary)
+    return join_by_summaries(graph, {}, options);
+
+  const auto start = Clock::now();
+  JoinResult<D> result;
+  JoinReport& report = result.report;
+  count_variables(graph, report);
+  report.root_solves = options.root_solves > 0 ? options.root_solves : 2;
+  WorkerPool pool(options.threads);
+  const JoinTree tree = make_tree(graph, options);
+  report.joins = tree.nodes();
+  std::vector<Piece<D>> pieces = observing_join(graph, tree, options, pool, report);
+  report.components = static_cast<int>(pieces.size());
+
+  Places places(graph.variables.size());
+  FrontalCholesky cholesky;
+  const auto whole = std::make_shared<const MeasurementGraph<D>>(
+      pieces.size() == 1 ? graph : MeasurementGraph<D>());
+  for (Piece<D>& piece : pieces) {
+    ObservationSystem<D> system(graph, piece, {}, places);
+    const double linear = system.chi2(piece, pool);
+    report.chi2_linear += linear;
+    if (options.mode == Mode::kOptimal) {
+      const auto refine_start = Clock::now();
+      const RefineResult refined =
+          refine(graph, piece, system, cholesky, pool, options.max_refine_solves, kRefineTolerance,
+                 options.progress);
+      report.chi2 += refined.chi2;
+      report.refine_solves = std::max(report.refine_solves, refined.solves);
+      report.redone_joins += refined.shortened;
+      report.minimum = report.minimum && refined.minimum;
+      report.seconds_refine += seconds_since(refine_start);
+    } else {
+      report.chi2 += linear;
+    }
+    Map<D> map;
+    map.anchor = into_lowest_pose(graph.variables, piece);
+    map.solved_in = map.anchor;
+    map.values = to_values(graph.variables, piece);
+    if (options.information) map.information = system.information(piece);
+    std::sort(piece.observations.begin(), piece.observations.end());
+    map.observations = pieces.size() == 1
+                           ? whole
+                           : std::make_shared<const MeasurementGraph<D>>(subgraph(
+                                 graph, std::span<const std::int64_t>(piece.observations)));
+    result.maps.push_back(std::move(map));
+  }
+  std::sort(result.maps.begin(), result.maps.end(), lower_map_first<D>);
+  if (!report.minimum) {
+    report.notes.push_back(
+        fmt::format("the refinement stopped after {} solves before it reached a minimum",
+                    report.refine_solves));
+  }
+  report.seconds = seconds_since(start);
+  return result;
+}
+
+#define MAPJOIN_INSTANTIATE(D) \
+  template JoinResult<D> join_all<D>(const MeasurementGraph<D>&, const JoinOptions&);
+MAPJOIN_INSTANTIATE(2)
+MAPJOIN_INSTANTIATE(3)
+#undef MAPJOIN_INSTANTIATE
+
+}  // namespace mapjoin

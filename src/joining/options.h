@@ -1,0 +1,85 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "mapjoin/graph/map.h"
+
+namespace mapjoin {
+
+/// What a join carries on to the next.
+enum class Mode {
+  kPaper,    ///< as published: pairs in index order, one common pose, joined information completed
+             ///< exactly
+  kSummary,  ///< a map is (values, information) and nothing else: for sharing, privacy, bandwidth,
+             ///< life-long mapping
+  kObserve,  ///< maps keep their measurements; one linear solve a join, two at the root
+  kOptimal   ///< observe, then refine to the nonlinear least squares optimum over all measurements
+};
+
+/// Which maps are joined with which.
+enum class TreeShape {
+  kGraph,  ///< from the graph's structure (METIS): when order means nothing, and for speed
+  kOrder   ///< neighbours by index
+};
+
+enum class Strategy {
+  kDivideAndConquer,  ///< Linear SLAM section 5.2
+  kSequential         ///< section 5.1: each map onto all before it
+};
+
+/// Where a long run is.
+struct Progress {
+  std::string_view phase;  ///< "join" or "refine"
+  double fraction = 0.0;   ///< of the phase, 0 to 1
+};
+
+/// Called now and then from the thread that called the library; return false to stop with
+/// CancelledError.
+using ProgressCallback = std::function<bool(const Progress&)>;
+
+struct JoinOptions {
+  Mode mode = Mode::kOptimal;
+  TreeShape tree = TreeShape::kGraph;
+  Strategy strategy = Strategy::kDivideAndConquer;
+  int threads = 1;          ///< results are the same bits for any number
+  int leaf_variables = 32;  ///< variables a leaf of the graph tree holds, about
+  int arity = 16;           ///< maps joined at once in the graph tree
+  int root_solves = 0;      ///< linear solves at the root; 0: the mode's own (paper and summary 1,
+                            ///< observe and optimal 2)
+  int max_refine_solves = 100;
+  bool information = true;  ///< also compute the information matrix of the result
+  ProgressCallback progress;
+};
+
+/// What a run did.
+struct JoinReport {
+  double chi2 = 0.0;         ///< over all measurements, at the result
+  double chi2_linear = 0.0;  ///< after the linear part: before refinement
+  int solves_per_join = 1;
+  int root_solves = 1;
+  int refine_solves = 0;  ///< linear solves of the refinement
+  int joins = 0;
+  int redone_joins = 0;  ///< joins that a safeguard solved once more or in smaller steps
+  bool minimum = true;   ///< optimal mode: the end is a minimum (the gradient vanishes)
+  std::int64_t poses = 0;
+  std::int64_t features = 0;  ///< variables that are no poses
+  std::int64_t observations = 0;
+  int components = 1;
+  double seconds = 0.0;            ///< all of it
+  double seconds_refine = 0.0;     ///< of which refinement
+  std::vector<std::string> notes;  ///< what a user should know, in sentences
+};
+
+/// The joined maps, one for each rigid piece, each in the frame of its lowest pose, largest piece
+/// first... and a report.
+template <int D>
+struct JoinResult {
+  std::vector<Map<D>> maps;
+  JoinReport report;
+};
+
+}  // namespace mapjoin

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <vector>
+
+#include "mapjoin/graph/piece.h"
+
+namespace mapjoin {
+
+/// Pieces that belong together: in the order they were placed, each with the motion that lays it on
+/// those before it.
+template <int D>
+struct PlacedGroup {
+  std::vector<int> members;
+  std::vector<Rigid<D>> motions;
+};
+
+/// One round of place() that says what it does instead of uniting: the pieces are moved, and
+/// grouped.
+template <int D>
+std::vector<PlacedGroup<D>> place_groups(const VariableSet<D>& all, std::vector<Piece<D>>& pieces,
+                                         Places& places);
+
+/// One piece out of placed ones: of each variable the first value stays.
+template <int D>
+Piece<D> unite(const VariableSet<D>& all, std::vector<Piece<D>>& pieces,
+               const std::vector<int>& members);
+
+/// Lays pieces on one another: the first step of a join, before its linear solve.
+///
+/// Best first: from the largest piece on, always next the one that shares most variables with what
+/// is placed, by the closed-form best rigid fit over all of them (frames/align.h). A variable keeps
+/// its first-placed value. Pieces that share too little with the rest stay pieces of their own,
+/// side by side; nothing is linked that no variable links. Cost: O(sum of the pieces' variables +
+/// pieces^2).
+template <int D>
+std::vector<Piece<D>> place(const VariableSet<D>& all, std::vector<Piece<D>> pieces,
+                            Places& places);
+
+}  // namespace mapjoin

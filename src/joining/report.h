@@ -1,0 +1,43 @@
+#pragma once
+
+#include <chrono>
+
+#include "mapjoin/frames/anchors.h"
+#include "mapjoin/graph/piece.h"
+#include "mapjoin/joining/options.h"
+
+namespace mapjoin {
+
+using Clock = std::chrono::steady_clock;
+inline double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// Fills in what a report says of its input.
+template <int D>
+void count_variables(const MeasurementGraph<D>& graph, JoinReport& report) {
+  for (const auto& column : graph.variables.columns()) {
+    (column.kind->tag == Tag("pose") ? report.poses : report.features) += column.size();
+  }
+  report.observations = static_cast<std::int64_t>(graph.size());
+}
+
+/// The anchor at a piece's lowest pose; without keys where it has no pose.
+template <int D>
+Anchor<D> lowest_pose_anchor(const VariableSet<D>& all, const Piece<D>& piece) {
+  const int c = all.find_column(Tag("pose"));
+  if (c < 0 || piece.column_size(static_cast<std::size_t>(c)) == 0) return {};
+  const int first = piece.column_start[static_cast<std::size_t>(c)];
+  return pose_anchor<D>(all.key(piece.variables[static_cast<std::size_t>(first)]));
+}
+
+/// The order of a result's maps.
+template <int D>
+bool lower_map_first(const Map<D>& a, const Map<D>& b) {
+  const auto lowest = [](const Map<D>& m) {
+    return m.anchor.keys.empty() ? m.variables().key(0) : m.anchor.keys[0];
+  };
+  return lowest(a) < lowest(b);
+}
+
+}  // namespace mapjoin

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <vector>
+
+#include "mapjoin/joining/join_equations.h"
+
+namespace mapjoin {
+
+/// Moves a summary rigidly: values and information.
+template <int D>
+void move(const VariableSet<D>& all, Summary<D>& summary, const Rigid<D>& T);
+
+/// Joins summaries: they are laid on one another by the best rigid fit over all common variables,
+/// one linear least squares solve follows, and the joined information is the sparse sum of theirs,
+/// each carried from its old values to the new ones: Lambda_12 = sum_k S_k^T Lambda_k S_k.
+///
+/// \returns one summary for each group that shares enough; pinned in the solve is the lowest pose
+/// of each. \throws SingularError naming a variable. O(fill).
+template <int D>
+std::vector<Summary<D>> join_summaries(const VariableSet<D>& all, std::vector<Summary<D>> maps,
+                                       int solves, Places& places);
+
+/// Joins two maps as Linear SLAM does (section 4): both are written in the frame of the common pose
+/// `common` (its number in `all`), which is the only thing they are compared by; one linear solve;
+/// the joined information, anchored there, is completed exactly. The result is in the frame of that
+/// pose.
+template <int D>
+Summary<D> join_as_published(const VariableSet<D>& all, Summary<D> first, Summary<D> second,
+                             int common);
+
+}  // namespace mapjoin

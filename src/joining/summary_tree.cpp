@@ -1,0 +1,250 @@
+#include "mapjoin/joining/summary_tree.h"
+
+#include <algorithm>
+#include <chrono>
+#include <memory>
+
+#include "mapjoin/frames/anchors.h"
+#include "mapjoin/joining/leaf.h"
+#include "mapjoin/joining/place.h"
+#include "mapjoin/joining/refine.h"
+#include "mapjoin/joining/report.h"
+#include "mapjoin/joining/summary_join.h"
+#include "mapjoin/joining/tree_walk.h"
+#include "mapjoin/solvers/blas_threads.h"
+
+namespace mapjoin {
+
+namespace {
+
+std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
+
+constexpr int kMostLeafSolves = 20;
+constexpr double kLeafTolerance = 1e-9;
+
+/// A map and the pose its first local map started from (number in the graph, -1: none).
+template <int D>
+struct Started {
+  Summary<D> summary;
+  int start = -1;
+};
+
+struct SummaryDesk {
+  explicit SummaryDesk(int variables) : places(variables) {}
+  Places places;
+  FrontalCholesky cholesky;
+  WorkerPool alone;
+};
+
+/// The pose that two maps are joined at: the start of the second if the first knows it, else the
+/// lowest they share.
+template <int D>
+int common_pose(const VariableSet<D>& all, const Started<D>& first, const Started<D>& second) {
+  const std::vector<int>& a = first.summary.piece.variables;
+  const std::vector<int>& b = second.summary.piece.variables;
+  if (second.start >= 0 && std::binary_search(a.begin(), a.end(), second.start))
+    return second.start;
+  const int c = all.find_column(Tag("pose"));
+  if (c < 0) return -1;
+  const Piece<D>& piece = second.summary.piece;
+  for (int k = piece.column_start[at(c)]; k < piece.column_start[at(c) + 1]; ++k) {
+    if (std::binary_search(a.begin(), a.end(), b[at(k)])) return b[at(k)];
+  }
+  return -1;
+}
+
+template <int D>
+class SummaryWalk {
+ public:
+  SummaryWalk(const MeasurementGraph<D>& graph, const JoinTree& tree, const JoinOptions& options,
+              WorkerPool& pool)
+      : graph_(graph), all_(graph.variables), tree_(tree), options_(options), pool_(pool) {
+    for (int t = 0; t < pool.threads(); ++t)
+      desks_.push_back(std::make_unique<SummaryDesk>(all_.size()));
+    results_.resize(at(tree.nodes()));
+  }
+
+  std::vector<Started<D>> run() {
+    walk_tree(tree_, pool_, options_.progress,
+              [&](int node, int thread, bool) { do_node(node, *desks_[at(thread)]); });
+    return std::move(results_.back());
+  }
+
+ private:
+  void do_node(int node, SummaryDesk& desk) {
+    std::vector<Started<D>>& result = results_[at(node)];
+    if (node < tree_.leaves()) {
+      result = local_maps(tree_.leaf(node), desk);
+      return;
+    }
+    for (const std::int32_t child : tree_.children_of(node)) {
+      for (Started<D>& map : results_[at(child)]) result.push_back(std::move(map));
+      results_[at(child)] = {};
+    }
+    if (options_.mode == Mode::kPaper) {
+      join_pairs(result);
+    } else {
+      join_group(result, desk);
+    }
+  }
+
+  /// The local maps of a leaf from its measurements: solved where a variable is measured more than
+  /// once.
+  std::vector<Started<D>> local_maps(std::span<const std::int64_t> observations,
+                                     SummaryDesk& desk) {
+    std::vector<Piece<D>> pieces =
+        place(all_, leaf_pieces(graph_, observations, desk.places), desk.places);
+    std::vector<Started<D>> out;
+    for (Piece<D>& piece : pieces) {
+      Started<D> map;
+      const ObservationList<D> list(graph_, piece, desk.places);
+      map.start = start_of(list, piece);
+      if (redundant(list)) {
+        ObservationSystem<D> system(graph_, piece, {}, desk.places);
+        refine(graph_, piece, system, desk.cholesky, desk.alone, kMostLeafSolves, kLeafTolerance,
+               {});
+      }
+      map.summary.information = list.information(piece);
+      map.summary.piece = std::move(piece);
+      out.push_back(std::move(map));
+    }
+    return out;
+  }
+
+  static int start_of(const ObservationList<D>& list, const Piece<D>& piece) {
+    return piece.variables[at(list.clique(0)[0])];
+  }
+
+  /// Does any variable but one stand in more than one observation? Else the values are the
+  /// measurements themselves.
+  static bool redundant(const ObservationList<D>& list) {
+    std::vector<bool> seen(list.dims().size(), false);
+    const std::int32_t centre = list.clique(0)[0];
+    for (std::int64_t k = 0; k < static_cast<std::int64_t>(list.size()); ++k) {
+      const auto clique = list.clique(k);
+      if (clique[0] != centre) return true;
+      for (const std::int32_t v : clique.subspan(1)) {
+        if (seen[at(v)]) return true;
+        seen[at(v)] = true;
+      }
+      const MeasurementGraph<D>& graph = list.graph();
+      const auto submap =
+          list.observation(k) - static_cast<std::int64_t>(graph.size() - graph.submaps.size());
+      if (submap < 0) continue;
+      const auto terms =
+          graph.submaps.term_start[at(submap) + 1] - graph.submaps.term_start[at(submap)];
+      if (terms != static_cast<std::int64_t>(clique.size()) - 1)
+        return true;  // a variable that is a term twice
+    }
+    return false;
+  }
+
+  /// As published, two at a time in the given order; maps that share no pose stay side by side.
+  void join_pairs(std::vector<Started<D>>& maps) const {
+    for (std::size_t a = 0; a < maps.size(); ++a) {
+      for (std::size_t b = a + 1; b < maps.size(); ++b) {
+        const int common = common_pose(all_, maps[a], maps[b]);
+        if (common < 0) continue;
+        maps[a].summary =
+            join_as_published(all_, std::move(maps[a].summary), std::move(maps[b].summary), common);
+        maps.erase(maps.begin() + static_cast<std::ptrdiff_t>(b));
+        b = a;  // the grown map may share a pose with one passed over
+      }
+    }
+  }
+
+  void join_group(std::vector<Started<D>>& maps, SummaryDesk& desk) const {
+    std::vector<Summary<D>> summaries;
+    for (Started<D>& map : maps) summaries.push_back(std::move(map.summary));
+    maps.clear();
+    const int solves = std::max(1, options_.root_solves);
+    for (Summary<D>& joined : join_summaries(all_, std::move(summaries), solves, desk.places)) {
+      maps.push_back({std::move(joined), -1});
+    }
+  }
+
+  const MeasurementGraph<D>& graph_;
+  const VariableSet<D>& all_;
+  const JoinTree& tree_;
+  const JoinOptions& options_;
+  WorkerPool& pool_;
+  std::vector<std::unique_ptr<SummaryDesk>> desks_;
+  std::vector<std::vector<Started<D>>> results_;
+};
+
+template <int D>
+JoinTree summary_tree(const MeasurementGraph<D>& graph, std::span<const Key> order,
+                      const JoinOptions& options) {
+  if (options.mode == Mode::kSummary && options.tree == TreeShape::kGraph &&
+      options.strategy == Strategy::kDivideAndConquer) {
+    return graph_tree(graph, options.leaf_variables, options.arity);
+  }
+  std::vector<std::vector<std::int64_t>> maps = local_maps_of(graph);
+  if (!order.empty()) {  // local_maps_of is ascending by anchor: bring it into the given order
+    std::vector<std::vector<std::int64_t>> sorted(maps.size());
+    std::vector<std::pair<int, std::size_t>> first(maps.size());
+    std::vector<int> rank(at(graph.variables.size()), static_cast<int>(order.size()));
+    for (std::size_t k = order.size(); k-- > 0;) {
+      if (const auto v = graph.variables.find(order[k])) rank[at(*v)] = static_cast<int>(k);
+    }
+    const CliqueList all = cliques(graph);
+    for (std::size_t k = 0; k < maps.size(); ++k) {
+      const std::int32_t anchor = all.variables[at(all.start[at(maps[k][0])])];
+      first[k] = {rank[at(anchor)], k};
+    }
+    std::sort(first.begin(), first.end());
+    for (std::size_t k = 0; k < maps.size(); ++k) sorted[k] = std::move(maps[first[k].second]);
+    maps = std::move(sorted);
+  }
+  return options.strategy == Strategy::kSequential ? sequential_tree(maps)
+                                                   : divide_and_conquer_tree(maps);
+}
+
+}  // namespace
+
+template <int D>
+JoinResult<D> join_by_summaries(const MeasurementGraph<D>& graph, std::span<const Key> order,
+                                const JoinOptions& options) {
+  const auto start = Clock::now();
+  const SingleThreadedBlas blas;
+  JoinResult<D> result;
+  JoinReport& report = result.report;
+  count_variables(graph, report);
+  WorkerPool pool(options.threads);
+  const JoinTree tree = summary_tree(graph, order, options);
+  report.joins = tree.joins();
+  Places places(graph.variables.size());
+  for (Started<D>& joined : SummaryWalk<D>(graph, tree, options, pool).run()) {
+    Summary<D>& summary = joined.summary;
+    const Anchor<D> anchor = lowest_pose_anchor(graph.variables, summary.piece);
+    if (!anchor.keys.empty()) {
+      const int place = summary.piece.column_start[at(graph.variables.find_column(Tag("pose")))];
+      auto* const pose =
+          reinterpret_cast<Rigid<D>*>(value_of(graph.variables, summary.piece, place));
+      move(graph.variables, summary, pose->inverse());
+      *pose = Rigid<D>::identity();
+    }
+    const ObservationList<D> list(graph, summary.piece, places);
+    report.chi2 += list.chi2(summary.piece);
+    Map<D> map;
+    map.values = to_values(graph.variables, summary.piece);
+    map.information = std::move(summary.information);
+    map.anchor = anchor;
+    map.solved_in = anchor;
+    result.maps.push_back(std::move(map));
+  }
+  report.chi2_linear = report.chi2;
+  report.components = static_cast<int>(result.maps.size());
+  std::sort(result.maps.begin(), result.maps.end(), lower_map_first<D>);
+  report.seconds = seconds_since(start);
+  return result;
+}
+
+#define MAPJOIN_INSTANTIATE(D)                                                                  \
+  template JoinResult<D> join_by_summaries<D>(const MeasurementGraph<D>&, std::span<const Key>, \
+                                              const JoinOptions&);
+MAPJOIN_INSTANTIATE(2)
+MAPJOIN_INSTANTIATE(3)
+#undef MAPJOIN_INSTANTIATE
+
+}  // namespace mapjoin
