@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "mapjoin/frames/change_frame.h"
+#include "mapjoin/frames/local_map.h"
 #include "mapjoin/joining/observing_join.h"
 #include "mapjoin/joining/refine.h"
 #include "mapjoin/joining/report.h"
@@ -26,9 +26,12 @@ void check(const JoinOptions& options) {
 }
 
 template <int D>
-JoinTree make_tree(const MeasurementGraph<D>& graph, const JoinOptions& options) {
-  if (options.strategy == Strategy::kSequential) return sequential_tree(local_maps_of(graph));
-  if (options.tree == TreeShape::kOrder) return divide_and_conquer_tree(local_maps_of(graph));
+JoinTree make_tree(const MeasurementGraph<D>& graph, std::span<const Key> order,
+                   const JoinOptions& options) {
+  if (options.strategy == Strategy::kSequential)
+    return sequential_tree(local_maps_of(graph, order));
+  if (options.tree == TreeShape::kOrder)
+    return divide_and_conquer_tree(local_maps_of(graph, order));
   return graph_tree(graph, options.leaf_variables, options.arity);
 }
 
@@ -45,14 +48,15 @@ Anchor<D> into_lowest_pose(const VariableSet<D>& all, Piece<D>& piece) {
   return anchor;
 }
 
-}  // namespace
-
+/// Joins a graph whose local maps come in a given order (first keys of their anchors; empty:
+/// ascending).
 template <int D>
-JoinResult<D> join_all(const MeasurementGraph<D>& graph, const JoinOptions& options) {
+JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key> order,
+                           const JoinOptions& options) {
   check(options);
   if (graph.size() == 0) throw InputError("there are no measurements: nothing to join");
   if (options.mode == Mode::kPaper || options.mode == Mode::kSummary)
-    return join_by_summaries(graph, {}, options);
+    return join_by_summaries(graph, order, options);
 
   const auto start = Clock::now();
   JoinResult<D> result;
@@ -60,7 +64,7 @@ JoinResult<D> join_all(const MeasurementGraph<D>& graph, const JoinOptions& opti
   count_variables(graph, report);
   report.root_solves = options.root_solves > 0 ? options.root_solves : 2;
   WorkerPool pool(options.threads);
-  const JoinTree tree = make_tree(graph, options);
+  const JoinTree tree = make_tree(graph, order, options);
   report.joins = tree.nodes();
   std::vector<Piece<D>> pieces = observing_join(graph, tree, options, pool, report);
   report.components = static_cast<int>(pieces.size());
@@ -108,8 +112,57 @@ JoinResult<D> join_all(const MeasurementGraph<D>& graph, const JoinOptions& opti
   return result;
 }
 
-#define MAPJOIN_INSTANTIATE(D) \
-  template JoinResult<D> join_all<D>(const MeasurementGraph<D>&, const JoinOptions&);
+}  // namespace
+
+template <int D>
+JoinResult<D> join_all(const MeasurementGraph<D>& graph, const JoinOptions& options) {
+  return join_ordered(graph, {}, options);
+}
+
+template <int D>
+JoinResult<D> join_all(std::span<const LocalMap<D>> local_maps, const JoinOptions& options) {
+  if (local_maps.empty()) throw InputError("there are no local maps: nothing to join");
+  MeasurementGraphBuilder<D> builder;
+  std::vector<Key> order;
+  for (const LocalMap<D>& map : local_maps) {
+    builder.add(map);
+    order.push_back(map.anchor.keys.at(0));
+  }
+  return join_ordered(std::move(builder).build(), order, options);
+}
+
+template <int D>
+JoinResult<D> join_all(std::span<const Map<D>> maps, const MeasurementGraph<D>& links,
+                       const JoinOptions& options) {
+  check(options);
+  if (maps.empty()) throw InputError("there are no maps: nothing to join");
+  if (options.mode == Mode::kPaper || options.mode == Mode::kSummary)
+    return join_by_summaries(maps, links, options);
+  MeasurementGraphBuilder<D> builder;
+  int summaries = 0;
+  for (const Map<D>& map : maps) {
+    if (map.observations != nullptr) {
+      builder.add(*map.observations);
+    } else {
+      builder.add(as_local_map(map));
+      ++summaries;
+    }
+  }
+  builder.add(links);
+  JoinResult<D> result = join_ordered(std::move(builder).build(), {}, options);
+  if (summaries > 0) {
+    result.report.notes.push_back(
+        fmt::format("{} of {} maps carry no observations and count as one observation each",
+                    summaries, maps.size()));
+  }
+  return result;
+}
+
+#define MAPJOIN_INSTANTIATE(D)                                                            \
+  template JoinResult<D> join_all<D>(const MeasurementGraph<D>&, const JoinOptions&);     \
+  template JoinResult<D> join_all<D>(std::span<const LocalMap<D>>, const JoinOptions&);   \
+  template JoinResult<D> join_all<D>(std::span<const Map<D>>, const MeasurementGraph<D>&, \
+                                     const JoinOptions&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)
 #undef MAPJOIN_INSTANTIATE

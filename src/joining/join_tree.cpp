@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "mapjoin/graph/error.h"
 #include "mapjoin/solvers/block_ordering.h"
@@ -64,7 +65,8 @@ int JoinTree::add_join(std::span<const std::int32_t> nodes) {
 }
 
 template <int D>
-std::vector<std::vector<std::int64_t>> local_maps_of(const MeasurementGraph<D>& graph) {
+std::vector<std::vector<std::int64_t>> local_maps_of(const MeasurementGraph<D>& graph,
+                                                     std::span<const Key> order) {
   std::vector<std::vector<std::int64_t>> stars(at(graph.variables.size()));
   std::int64_t observation = 0;
   for (const auto& column : graph.relative) {
@@ -74,8 +76,15 @@ std::vector<std::vector<std::int64_t>> local_maps_of(const MeasurementGraph<D>& 
   for (std::size_t k = 0; k < maps.size(); ++k) {
     stars[at(maps.anchor_variables[at(maps.anchor_start[k])])].push_back(observation++);
   }
-  std::erase_if(stars, [](const auto& star) { return star.empty(); });
-  return stars;
+  std::vector<std::vector<std::int64_t>> out;
+  for (const Key& key : order) {
+    const auto v = graph.variables.find(key);
+    if (v && !stars[at(*v)].empty()) out.push_back(std::exchange(stars[at(*v)], {}));
+  }
+  for (auto& star : stars) {
+    if (!star.empty()) out.push_back(std::move(star));
+  }
+  return out;
 }
 
 JoinTree divide_and_conquer_tree(std::span<const std::vector<std::int64_t>> local_maps, int arity) {
@@ -191,8 +200,9 @@ JoinTree graph_tree(const MeasurementGraph<D>& graph, int leaf_variables, int ar
   return tree;
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                                  \
-  template std::vector<std::vector<std::int64_t>> local_maps_of<D>(const MeasurementGraph<D>&); \
+#define MAPJOIN_INSTANTIATE(D)                                                                 \
+  template std::vector<std::vector<std::int64_t>> local_maps_of<D>(const MeasurementGraph<D>&, \
+                                                                   std::span<const Key>);      \
   template JoinTree graph_tree<D>(const MeasurementGraph<D>&, int, int);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

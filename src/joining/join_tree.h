@@ -32,11 +32,13 @@ struct JoinTree {
   int add_join(std::span<const std::int32_t> nodes);
 };
 
-/// The observations of a graph as local maps, in the order of their anchors: all measurements taken
-/// from one pose are a star-shaped local map; every submap is one. groups[k] are the observations
-/// of the k-th.
+/// The observations of a graph as local maps: all measurements taken from one pose are a
+/// star-shaped local map; every submap is one, and those with the same first anchor variable count
+/// as one. groups[k] are the observations of the k-th, ascending by anchor, or in the order of
+/// `order`, first keys of anchors, where it names them.
 template <int D>
-std::vector<std::vector<std::int64_t>> local_maps_of(const MeasurementGraph<D>& graph);
+std::vector<std::vector<std::int64_t>> local_maps_of(const MeasurementGraph<D>& graph,
+                                                     std::span<const Key> order = {});
 
 /// Pairs of neighbours by index, an odd one out going up unchanged (Linear SLAM section 5.2), or
 /// `arity` at once.

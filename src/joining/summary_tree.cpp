@@ -1,10 +1,10 @@
 #include "mapjoin/joining/summary_tree.h"
 
 #include <algorithm>
-#include <chrono>
+#include <functional>
 #include <memory>
 
-#include "mapjoin/frames/anchors.h"
+#include "mapjoin/frames/local_map.h"
 #include "mapjoin/joining/leaf.h"
 #include "mapjoin/joining/place.h"
 #include "mapjoin/joining/refine.h"
@@ -54,11 +54,66 @@ int common_pose(const VariableSet<D>& all, const Started<D>& first, const Starte
 }
 
 template <int D>
+int start_of(const ObservationList<D>& list, const Piece<D>& piece) {
+  return piece.variables[at(list.clique(0)[0])];
+}
+
+/// Does any variable but one stand in more than one observation? Else the values are the
+/// measurements themselves.
+template <int D>
+bool redundant(const ObservationList<D>& list) {
+  std::vector<bool> seen(list.dims().size(), false);
+  const std::int32_t centre = list.clique(0)[0];
+  for (std::int64_t k = 0; k < static_cast<std::int64_t>(list.size()); ++k) {
+    const auto clique = list.clique(k);
+    if (clique[0] != centre) return true;
+    for (const std::int32_t v : clique.subspan(1)) {
+      if (seen[at(v)]) return true;
+      seen[at(v)] = true;
+    }
+    const MeasurementGraph<D>& graph = list.graph();
+    const auto submap =
+        list.observation(k) - static_cast<std::int64_t>(graph.size() - graph.submaps.size());
+    if (submap < 0) continue;
+    const auto terms =
+        graph.submaps.term_start[at(submap) + 1] - graph.submaps.term_start[at(submap)];
+    if (terms != static_cast<std::int64_t>(clique.size()) - 1)
+      return true;  // a variable that is a term twice
+  }
+  return false;
+}
+
+/// The local maps of a leaf from its measurements: solved where a variable is measured more than
+/// once.
+template <int D>
+std::vector<Started<D>> local_maps(const MeasurementGraph<D>& graph,
+                                   std::span<const std::int64_t> observations, SummaryDesk& desk) {
+  std::vector<Piece<D>> pieces =
+      place(graph.variables, leaf_pieces(graph, observations, desk.places), desk.places);
+  std::vector<Started<D>> out;
+  for (Piece<D>& piece : pieces) {
+    Started<D> map;
+    const ObservationList<D> list(graph, piece, desk.places);
+    map.start = start_of(list, piece);
+    if (redundant(list)) {
+      ObservationSystem<D> system(graph, piece, {}, desk.places);
+      refine(graph, piece, system, desk.cholesky, desk.alone, kMostLeafSolves, kLeafTolerance, {});
+    }
+    map.summary.information = list.information(piece);
+    map.summary.piece = std::move(piece);
+    out.push_back(std::move(map));
+  }
+  return out;
+}
+
+template <int D>
 class SummaryWalk {
  public:
-  SummaryWalk(const MeasurementGraph<D>& graph, const JoinTree& tree, const JoinOptions& options,
-              WorkerPool& pool)
-      : graph_(graph), all_(graph.variables), tree_(tree), options_(options), pool_(pool) {
+  using Leaf = std::function<std::vector<Started<D>>(int leaf, SummaryDesk& desk)>;
+
+  SummaryWalk(const VariableSet<D>& all, const JoinTree& tree, Leaf leaf,
+              const JoinOptions& options, WorkerPool& pool)
+      : all_(all), tree_(tree), leaf_(std::move(leaf)), options_(options), pool_(pool) {
     for (int t = 0; t < pool.threads(); ++t)
       desks_.push_back(std::make_unique<SummaryDesk>(all_.size()));
     results_.resize(at(tree.nodes()));
@@ -74,7 +129,7 @@ class SummaryWalk {
   void do_node(int node, SummaryDesk& desk) {
     std::vector<Started<D>>& result = results_[at(node)];
     if (node < tree_.leaves()) {
-      result = local_maps(tree_.leaf(node), desk);
+      result = leaf_(node, desk);
       return;
     }
     for (const std::int32_t child : tree_.children_of(node)) {
@@ -86,57 +141,6 @@ class SummaryWalk {
     } else {
       join_group(result, desk);
     }
-  }
-
-  /// The local maps of a leaf from its measurements: solved where a variable is measured more than
-  /// once.
-  std::vector<Started<D>> local_maps(std::span<const std::int64_t> observations,
-                                     SummaryDesk& desk) {
-    std::vector<Piece<D>> pieces =
-        place(all_, leaf_pieces(graph_, observations, desk.places), desk.places);
-    std::vector<Started<D>> out;
-    for (Piece<D>& piece : pieces) {
-      Started<D> map;
-      const ObservationList<D> list(graph_, piece, desk.places);
-      map.start = start_of(list, piece);
-      if (redundant(list)) {
-        ObservationSystem<D> system(graph_, piece, {}, desk.places);
-        refine(graph_, piece, system, desk.cholesky, desk.alone, kMostLeafSolves, kLeafTolerance,
-               {});
-      }
-      map.summary.information = list.information(piece);
-      map.summary.piece = std::move(piece);
-      out.push_back(std::move(map));
-    }
-    return out;
-  }
-
-  static int start_of(const ObservationList<D>& list, const Piece<D>& piece) {
-    return piece.variables[at(list.clique(0)[0])];
-  }
-
-  /// Does any variable but one stand in more than one observation? Else the values are the
-  /// measurements themselves.
-  static bool redundant(const ObservationList<D>& list) {
-    std::vector<bool> seen(list.dims().size(), false);
-    const std::int32_t centre = list.clique(0)[0];
-    for (std::int64_t k = 0; k < static_cast<std::int64_t>(list.size()); ++k) {
-      const auto clique = list.clique(k);
-      if (clique[0] != centre) return true;
-      for (const std::int32_t v : clique.subspan(1)) {
-        if (seen[at(v)]) return true;
-        seen[at(v)] = true;
-      }
-      const MeasurementGraph<D>& graph = list.graph();
-      const auto submap =
-          list.observation(k) - static_cast<std::int64_t>(graph.size() - graph.submaps.size());
-      if (submap < 0) continue;
-      const auto terms =
-          graph.submaps.term_start[at(submap) + 1] - graph.submaps.term_start[at(submap)];
-      if (terms != static_cast<std::int64_t>(clique.size()) - 1)
-        return true;  // a variable that is a term twice
-    }
-    return false;
   }
 
   /// As published, two at a time in the given order; maps that share no pose stay side by side.
@@ -163,9 +167,9 @@ class SummaryWalk {
     }
   }
 
-  const MeasurementGraph<D>& graph_;
   const VariableSet<D>& all_;
   const JoinTree& tree_;
+  Leaf leaf_;
   const JoinOptions& options_;
   WorkerPool& pool_;
   std::vector<std::unique_ptr<SummaryDesk>> desks_;
@@ -179,25 +183,58 @@ JoinTree summary_tree(const MeasurementGraph<D>& graph, std::span<const Key> ord
       options.strategy == Strategy::kDivideAndConquer) {
     return graph_tree(graph, options.leaf_variables, options.arity);
   }
-  std::vector<std::vector<std::int64_t>> maps = local_maps_of(graph);
-  if (!order.empty()) {  // local_maps_of is ascending by anchor: bring it into the given order
-    std::vector<std::vector<std::int64_t>> sorted(maps.size());
-    std::vector<std::pair<int, std::size_t>> first(maps.size());
-    std::vector<int> rank(at(graph.variables.size()), static_cast<int>(order.size()));
-    for (std::size_t k = order.size(); k-- > 0;) {
-      if (const auto v = graph.variables.find(order[k])) rank[at(*v)] = static_cast<int>(k);
-    }
-    const CliqueList all = cliques(graph);
-    for (std::size_t k = 0; k < maps.size(); ++k) {
-      const std::int32_t anchor = all.variables[at(all.start[at(maps[k][0])])];
-      first[k] = {rank[at(anchor)], k};
-    }
-    std::sort(first.begin(), first.end());
-    for (std::size_t k = 0; k < maps.size(); ++k) sorted[k] = std::move(maps[first[k].second]);
-    maps = std::move(sorted);
-  }
+  const auto maps = local_maps_of(graph, order);
   return options.strategy == Strategy::kSequential ? sequential_tree(maps)
                                                    : divide_and_conquer_tree(maps);
+}
+
+/// The observations that lie within a piece.
+template <int D>
+void collect_observations(const CliqueList& all, Piece<D>& piece, Places& places) {
+  places.mark(piece.variables);
+  piece.observations.clear();
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const auto begin = all.variables.begin() + all.start[k];
+    const auto end = all.variables.begin() + all.start[k + 1];
+    if (std::all_of(begin, end, [&](std::int32_t v) { return places[v] >= 0; })) {
+      piece.observations.push_back(static_cast<std::int64_t>(k));
+    }
+  }
+  places.clear(piece.variables);
+}
+
+/// The joined summaries as maps in the frames of their lowest poses, judged by the observations of
+/// `graph`.
+template <int D>
+JoinResult<D> finish(const MeasurementGraph<D>& graph, std::vector<Started<D>> joined) {
+  JoinResult<D> result;
+  JoinReport& report = result.report;
+  count_variables(graph, report);
+  Places places(graph.variables.size());
+  const CliqueList all = cliques(graph);
+  for (Started<D>& map : joined) {
+    Summary<D>& summary = map.summary;
+    const Anchor<D> anchor = lowest_pose_anchor(graph.variables, summary.piece);
+    if (!anchor.keys.empty()) {
+      const int place = summary.piece.column_start[at(graph.variables.find_column(Tag("pose")))];
+      auto* const pose =
+          reinterpret_cast<Rigid<D>*>(value_of(graph.variables, summary.piece, place));
+      move(graph.variables, summary, pose->inverse());
+      *pose = Rigid<D>::identity();
+    }
+    collect_observations(all, summary.piece, places);
+    report.chi2 += ObservationList<D>(graph, summary.piece, places).chi2(summary.piece);
+    Map<D> out;
+    out.values = to_values(graph.variables, summary.piece);
+    out.information = std::move(summary.information);
+    out.anchor = anchor;
+    out.solved_in = anchor;
+    result.maps.push_back(std::move(out));
+  }
+  report.chi2_linear = report.chi2;
+  report.components = static_cast<int>(result.maps.size());
+  std::sort(result.maps.begin(), result.maps.end(), lower_map_first<D>);
+  return result;
 }
 
 }  // namespace
@@ -207,41 +244,62 @@ JoinResult<D> join_by_summaries(const MeasurementGraph<D>& graph, std::span<cons
                                 const JoinOptions& options) {
   const auto start = Clock::now();
   const SingleThreadedBlas blas;
-  JoinResult<D> result;
-  JoinReport& report = result.report;
-  count_variables(graph, report);
   WorkerPool pool(options.threads);
   const JoinTree tree = summary_tree(graph, order, options);
-  report.joins = tree.joins();
-  Places places(graph.variables.size());
-  for (Started<D>& joined : SummaryWalk<D>(graph, tree, options, pool).run()) {
-    Summary<D>& summary = joined.summary;
-    const Anchor<D> anchor = lowest_pose_anchor(graph.variables, summary.piece);
-    if (!anchor.keys.empty()) {
-      const int place = summary.piece.column_start[at(graph.variables.find_column(Tag("pose")))];
-      auto* const pose =
-          reinterpret_cast<Rigid<D>*>(value_of(graph.variables, summary.piece, place));
-      move(graph.variables, summary, pose->inverse());
-      *pose = Rigid<D>::identity();
-    }
-    const ObservationList<D> list(graph, summary.piece, places);
-    report.chi2 += list.chi2(summary.piece);
-    Map<D> map;
-    map.values = to_values(graph.variables, summary.piece);
-    map.information = std::move(summary.information);
-    map.anchor = anchor;
-    map.solved_in = anchor;
-    result.maps.push_back(std::move(map));
-  }
-  report.chi2_linear = report.chi2;
-  report.components = static_cast<int>(result.maps.size());
-  std::sort(result.maps.begin(), result.maps.end(), lower_map_first<D>);
-  report.seconds = seconds_since(start);
+  const auto leaf = [&](int node, SummaryDesk& desk) {
+    return local_maps(graph, tree.leaf(node), desk);
+  };
+  JoinResult<D> result =
+      finish(graph, SummaryWalk<D>(graph.variables, tree, leaf, options, pool).run());
+  result.report.joins = tree.joins();
+  result.report.seconds = seconds_since(start);
   return result;
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                                  \
-  template JoinResult<D> join_by_summaries<D>(const MeasurementGraph<D>&, std::span<const Key>, \
+template <int D>
+JoinResult<D> join_by_summaries(std::span<const Map<D>> maps, const MeasurementGraph<D>& links,
+                                const JoinOptions& options) {
+  const auto start = Clock::now();
+  const SingleThreadedBlas blas;
+  WorkerPool pool(options.threads);
+  MeasurementGraphBuilder<D>
+      builder;  // what the result is judged by: each map as one observation, and the links
+  for (const Map<D>& map : maps) builder.add(as_local_map(map));
+  builder.add(links);
+  const MeasurementGraph<D> graph = std::move(builder).build();
+  const auto stars = local_maps_of(links);
+  std::vector<std::vector<std::int64_t>> leaves(maps.size() + stars.size());
+  const bool wide = options.mode == Mode::kSummary && options.tree == TreeShape::kGraph;
+  const JoinTree tree = options.strategy == Strategy::kSequential
+                            ? sequential_tree(leaves)
+                            : divide_and_conquer_tree(leaves, wide ? options.arity : 2);
+  const auto leaf = [&](int node, SummaryDesk& desk) -> std::vector<Started<D>> {
+    if (at(node) < maps.size()) {
+      const Map<D>& map = maps[at(node)];
+      Started<D> out{{to_piece(graph.variables, map.values), map.information}, -1};
+      if (map.anchor.kind != nullptr)
+        out.start = graph.variables.find(map.anchor.keys[0]).value_or(-1);
+      return {std::move(out)};
+    }
+    std::vector<Started<D>> out = local_maps(links, stars[at(node) - maps.size()], desk);
+    for (Started<D>& star : out) {  // from the numbers of the links to those of all
+      star.start = *graph.variables.find(links.variables.key(star.start));
+      star.summary.piece =
+          to_piece(graph.variables, to_values(links.variables, star.summary.piece));
+    }
+    return out;
+  };
+  JoinResult<D> result =
+      finish(graph, SummaryWalk<D>(graph.variables, tree, leaf, options, pool).run());
+  result.report.joins = tree.joins();
+  result.report.seconds = seconds_since(start);
+  return result;
+}
+
+#define MAPJOIN_INSTANTIATE(D)                                                                     \
+  template JoinResult<D> join_by_summaries<D>(const MeasurementGraph<D>&, std::span<const Key>,    \
+                                              const JoinOptions&);                                 \
+  template JoinResult<D> join_by_summaries<D>(std::span<const Map<D>>, const MeasurementGraph<D>&, \
                                               const JoinOptions&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

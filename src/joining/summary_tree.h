@@ -16,4 +16,10 @@ template <int D>
 JoinResult<D> join_by_summaries(const MeasurementGraph<D>& graph, std::span<const Key> order,
                                 const JoinOptions& options);
 
+/// The same for finished maps, in the given order, and the links between them. Paper mode joins
+/// maps that share a pose.
+template <int D>
+JoinResult<D> join_by_summaries(std::span<const Map<D>> maps, const MeasurementGraph<D>& links,
+                                const JoinOptions& options);
+
 }  // namespace mapjoin

@@ -1,0 +1,174 @@
+#include "mapjoin/joining/join.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "mapjoin/frames/change_frame.h"
+#include "mapjoin/joining/place.h"
+#include "mapjoin/joining/summary_join.h"
+#include "mapjoin/joining/summary_tree.h"
+#include "mapjoin/solvers/blas_threads.h"
+#include "mapjoin/solvers/gauge_scalars.h"
+#include "mapjoin/solvers/sparse_cholesky.h"
+
+namespace mapjoin {
+
+namespace {
+
+std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
+
+template <int D>
+VariableSet<D> united(const std::vector<Map<D>>& maps) {
+  std::vector<const VariableSet<D>*> sets;
+  for (const Map<D>& map : maps) sets.push_back(&map.variables());
+  return unite<D>(sets);
+}
+
+/// What the maps that do not fit share with the rest, for the message.
+template <int D>
+[[noreturn]] void throw_disconnected(const std::vector<Map<D>>& maps, std::size_t stranger) {
+  std::string shared;
+  int count = 0;
+  for (std::size_t m = 0; m < maps.size(); ++m) {
+    if (m == stranger) continue;
+    const std::vector<int> numbers = numbers_in(maps[stranger].variables(), maps[m].variables());
+    for (std::size_t i = 0; i < numbers.size(); ++i) {
+      if (numbers[i] < 0) continue;
+      if (++count <= 5)
+        shared += " " + to_string(maps[stranger].variables().key(static_cast<int>(i)));
+    }
+  }
+  throw DisconnectedError(fmt::format(
+      "map {} shares {} with the other maps{}{}; joining needs one common pose, or {}",
+      stranger + 1,
+      count == 0 ? "nothing" : fmt::format("only {} variable{}", count, count == 1 ? "" : "s"),
+      count == 0 ? "" : ":", shared,
+      D == 2 ? "two common points" : "three common points that are not on one line"));
+}
+
+template <int D>
+Map<D> as_map(const VariableSet<D>& all, Summary<D> summary, Anchor<D> anchor) {
+  Map<D> out;
+  out.values = to_values(all, summary.piece);
+  out.information = std::move(summary.information);
+  out.anchor = anchor;
+  out.solved_in = std::move(anchor);
+  return out;
+}
+
+}  // namespace
+
+template <int D>
+Merge<D> merge(std::vector<Map<D>> maps) {
+  if (maps.size() < 2) throw InputError("a merge needs two maps at least");
+  Merge<D> out;
+  out.variables = united(maps);
+  std::vector<Piece<D>> pieces;
+  for (Map<D>& map : maps) {
+    pieces.push_back(to_piece(out.variables, map.values));
+    out.placed.push_back({pieces.back(), std::move(map.information)});
+  }
+  Places places(out.variables.size());
+  const auto groups = place_groups(out.variables, pieces, places);
+  if (groups.size() > 1) throw_disconnected(maps, at(groups[1].members[0]));
+
+  const PlacedGroup<D>& group = groups[0];
+  Rigid<D> to_first;  // everything in the frame of the first map given
+  for (std::size_t m = 0; m < group.members.size(); ++m) {
+    if (group.members[m] == 0) to_first = group.motions[m].inverse();
+  }
+  for (std::size_t m = 0; m < group.members.size(); ++m) {
+    move(out.variables, out.placed[at(group.members[m])], to_first * group.motions[m]);
+  }
+  Piece<D> start = unite(out.variables, pieces, group.members);
+  move(out.variables, start, to_first);
+
+  out.anchor = maps[0].anchor;
+  const bool at_pose = out.anchor.kind != nullptr && out.anchor.keys.size() == 1 &&
+                       out.anchor.keys[0].type == Tag("pose");
+  int pose = at_pose ? out.variables.require(out.anchor.keys[0], "anchor") : -1;
+  const int column = out.variables.find_column(Tag("pose"));
+  if (!at_pose && column >= 0) {
+    pose = out.variables.column(column).first;
+    out.anchor = pose_anchor<D>(out.variables.key(pose));
+  }
+  std::vector<const Summary<D>*> parts;
+  for (const Summary<D>& map : out.placed) parts.push_back(&map);
+  out.equations = join_equations<D>(out.variables, parts, start);
+  for (const PieceScalar& s : gauge_scalars(out.variables, start, pose)) {
+    out.dropped.push_back(out.equations.column_offset[at(s.variable)] + s.scalar);
+  }
+  out.x0 = to_values(out.variables, start);
+  return out;
+}
+
+template <int D>
+Map<D> solve(const Merge<D>& merge) {
+  const SingleThreadedBlas blas;
+  const SymmetricBlockMatrix normal = merge.equations.normal_matrix();
+  SparseCholesky cholesky;
+  cholesky.analyze(normal, merge.dropped);
+  const int failed = cholesky.factorize(normal);
+  if (failed >= 0) {
+    const auto& offsets = merge.equations.column_offset;
+    const auto k = std::upper_bound(offsets.begin(), offsets.end(), failed) - offsets.begin() - 1;
+    throw SingularError(
+        fmt::format("joining: the maps' information does not determine {}; add a measurement of it "
+                    "or leave it out",
+                    to_string(merge.variables.key(static_cast<int>(k)))));
+  }
+  const Eigen::VectorXd d = cholesky.solve(merge.equations.right_hand_side());
+  Piece<D> x = to_piece(merge.variables, merge.x0);
+  retract(merge.variables, x, std::span<const double>(d.data(), at(d.size())));
+  std::vector<const Summary<D>*> parts;
+  for (const Summary<D>& map : merge.placed) parts.push_back(&map);
+  SymmetricBlockMatrix information = join_equations<D>(merge.variables, parts, x).normal_matrix();
+  Map<D> joined =
+      as_map(merge.variables, Summary<D>{std::move(x), std::move(information)}, merge.anchor);
+  return merge.anchor.kind == nullptr ? joined : change_frame(std::move(joined), merge.anchor);
+}
+
+template <int D>
+Map<D> join(const Map<D>& a, const Map<D>& b) {
+  return solve(merge<D>({a, b}));
+}
+
+template <int D>
+Map<D> join_as_published(const Map<D>& a, const Map<D>& b, const Key& common_pose) {
+  const SingleThreadedBlas blas;
+  const std::vector<Map<D>> maps{a, b};
+  const VariableSet<D> all = united(maps);
+  Summary<D> first{to_piece(all, a.values), a.information};
+  Summary<D> second{to_piece(all, b.values), b.information};
+  const int pose = all.require(common_pose, "common pose");
+  return as_map(all, join_as_published(all, std::move(first), std::move(second), pose),
+                pose_anchor<D>(common_pose));
+}
+
+template <int D>
+Map<D> to_map(const LocalMap<D>& local_map) {
+  MeasurementGraphBuilder<D> builder;
+  builder.add(local_map);
+  JoinOptions options;
+  options.mode = Mode::kSummary;
+  JoinResult<D> result = join_by_summaries<D>(std::move(builder).build(), {}, options);
+  if (result.maps.size() != 1)
+    throw DisconnectedError(
+        "the local map falls apart: its information leaves parts of it unconnected");
+  return local_map.anchor.keys.size() == 1
+             ? change_frame(std::move(result.maps[0]), local_map.anchor)
+             : std::move(result.maps[0]);
+}
+
+#define MAPJOIN_INSTANTIATE(D)                                                    \
+  template Merge<D> merge<D>(std::vector<Map<D>>);                                \
+  template Map<D> solve<D>(const Merge<D>&);                                      \
+  template Map<D> join<D>(const Map<D>&, const Map<D>&);                          \
+  template Map<D> join_as_published<D>(const Map<D>&, const Map<D>&, const Key&); \
+  template Map<D> to_map<D>(const LocalMap<D>&);
+MAPJOIN_INSTANTIATE(2)
+MAPJOIN_INSTANTIATE(3)
+#undef MAPJOIN_INSTANTIATE
+
+}  // namespace mapjoin
