@@ -34,7 +34,7 @@ class Descriptor {
   Descriptor& operator=(const Descriptor&) = delete;
 
   bool is_open() const { return fd_ >= 0; }
-  bool write(std::string_view content) {
+  bool write(std::string_view content) const {
     while (!content.empty()) {
       const ssize_t done = ::write(fd_, content.data(), content.size());
       if (done < 0 && errno == EINTR) continue;

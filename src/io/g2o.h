@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 #include <type_traits>
+#include <utility>
 #include <variant>
 
 #include "mapjoin/graph/key.h"
@@ -75,9 +76,15 @@ struct G2oGraph {
   std::optional<Key> fixed;
   G2oCounts counts;
 
+  /// The graph, when its dimension is known to be D. `const auto graph = read_g2o(file).as<2>();`
+  /// moves it out.
   template <int D>
-  const MeasurementGraph<D>& as() const {
+  const MeasurementGraph<D>& as() const& {
     return std::get<MeasurementGraph<D>>(graph);
+  }
+  template <int D>
+  MeasurementGraph<D> as() && {
+    return std::get<MeasurementGraph<D>>(std::move(graph));
   }
 };
 

@@ -64,7 +64,8 @@ TEST_F(G2oRead, PlanarGraph) {
 TEST_F(G2oRead, InformationIsTakenPerRadianUnlessToldOtherwise) {
   const std::string text =
       "EDGE_SE3:QUAT 0 1 0 0 0 0 0 0 2 1 0 0 .2 0 0 1 0 0 0 0 1 0 0 0 4 0 0 4 0 4\n";
-  const Eigen::Map<const Mat<6, 6>> plain(read(text).as<3>().relative[0].info.data());
+  const G2oGraph as_is = read(text);
+  const Eigen::Map<const Mat<6, 6>> plain(as_is.as<3>().relative[0].info.data());
   EXPECT_EQ(plain(3, 3), 4.0);
   EXPECT_EQ(plain(0, 3), 0.2);
   // In g2o's own meaning r = (t, q_v) with q_v = phi / 2 to first order.
