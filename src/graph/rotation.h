@@ -8,7 +8,9 @@ namespace mapjoin {
 
 /// Fixed-size unaligned matrix and vector: what variables are made of.
 template <int Rows, int Cols, class S = double>
-using Mat = Eigen::Matrix<S, Rows, Cols, Eigen::DontAlign>;
+using Mat =
+    Eigen::Matrix<S, Rows, Cols,
+                  Eigen::DontAlign | (Rows == 1 && Cols > 1 ? Eigen::RowMajor : Eigen::ColMajor)>;
 template <int Rows, class S = double>
 using Vec = Mat<Rows, 1, S>;
 
