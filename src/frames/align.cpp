@@ -121,7 +121,10 @@ std::optional<Rigid<D>> align(std::span<const CommonColumn<D>> common) {
   const Eigen::Matrix<double, D, Eigen::Dynamic> b =
       positions.in_b().colwise() - Eigen::Matrix<double, D, 1>(mean_b);
   Eigen::Matrix<double, D, D> M = a * b.transpose();
-  const double spread = a.squaredNorm() / static_cast<double>(positions.size());
+  // Where the two maps disagree about how far apart the common positions are, their direction means
+  // little: the spread in both counts, so that orientations always weigh at least twice what
+  // positions can.
+  const double spread = (a.squaredNorm() + b.squaredNorm()) / static_cast<double>(positions.size());
   const double weight = spread > 0.0 ? spread : 1.0;
   std::vector<double> Ra, Rb;
   for (const CommonColumn<D>& c : common) {

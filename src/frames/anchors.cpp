@@ -13,7 +13,7 @@ constexpr Tag kPoseTag("pose");
 
 template <int D>
 Rigid<D> pose_frame(const double* const* values, const Key*) {
-  return reinterpret_cast<const Rigid<D>*>(values[0])->inverse();
+  return motion_into(*reinterpret_cast<const Rigid<D>*>(values[0]));
 }
 template <int D>
 void pose_rows(const double* const*, double* P) {

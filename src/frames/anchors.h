@@ -18,6 +18,19 @@ Anchor<D> pose_anchor(const Key& key) {
   return {&pose_anchor_kind<D>(), {key}};
 }
 
+/// The rigid motion into the frame of a pose: its inverse, with a rotation that is orthonormal to
+/// rounding whatever the pose has gathered.
+///
+/// Frames change many times on the way through a sequential join. Without this, what the pose's
+/// rotation lacks would be added to that of every variable each time, and so double with each
+/// frame.
+template <int D>
+Rigid<D> motion_into(const Rigid<D>& pose) {
+  Rigid<D> near = pose;  // one Newton step towards the nearest rotation
+  near.R = pose.R * (1.5 * Mat<D, D>::Identity() - 0.5 * (pose.R.transpose() * pose.R));
+  return near.inverse();
+}
+
 /// "pose:12", or "points:84,85" for anchors of several variables.
 template <int D>
 std::string to_string(const Anchor<D>& anchor);

@@ -10,7 +10,11 @@ SymmetricBlockMatrix complete_gauge(const Eigen::MatrixXd& g, const AnchorRows& 
                                     const SymmetricBlockMatrix& anchored) {
   const Eigen::MatrixXd K = rows.C.fullPivLu().solve(rows.P);
   const Eigen::MatrixXd W = anchored.times(g);  // I g
-  const Eigen::MatrixXd M = g.transpose() * W;  // g^T I g
+  // g^T I g, symmetric to the last bit. What rounding leaves would belong to no gauge, and the next
+  // completion, at another anchor, would add up that of all anchors before it: twice as much each
+  // time.
+  const Eigen::MatrixXd gIg = g.transpose() * W;
+  const Eigen::MatrixXd M = 0.5 * (gIg + gIg.transpose());
 
   const int n = anchored.size();
   std::vector<std::pair<int, int>> pairs;

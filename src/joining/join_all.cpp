@@ -4,7 +4,9 @@
 
 #include <algorithm>
 
+#include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/local_map.h"
+#include "mapjoin/joining/elimination_join.h"
 #include "mapjoin/joining/observing_join.h"
 #include "mapjoin/joining/refine.h"
 #include "mapjoin/joining/report.h"
@@ -43,9 +45,20 @@ Anchor<D> into_lowest_pose(const VariableSet<D>& all, Piece<D>& piece) {
   if (anchor.keys.empty()) return anchor;
   auto* const pose = reinterpret_cast<Rigid<D>*>(
       piece.data[static_cast<std::size_t>(all.find_column(Tag("pose")))].data());
-  move(all, piece, pose->inverse());
+  move(all, piece, motion_into(*pose));
   *pose = Rigid<D>::identity();
   return anchor;
+}
+
+template <int D>
+JoinedPieces<D> join_pieces(const MeasurementGraph<D>& graph, std::span<const Key> order,
+                            const JoinOptions& options, WorkerPool& pool, JoinReport& report) {
+  if (options.tree == TreeShape::kGraph && options.strategy == Strategy::kDivideAndConquer) {
+    return elimination_join(graph, options, pool, report);
+  }
+  const JoinTree tree = make_tree(graph, order, options);
+  report.joins = tree.nodes();
+  return {observing_join(graph, tree, options, pool, report), nullptr};
 }
 
 /// Joins a graph whose local maps come in a given order (first keys of their anchors; empty:
@@ -64,9 +77,8 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
   count_variables(graph, report);
   report.root_solves = options.root_solves > 0 ? options.root_solves : 2;
   WorkerPool pool(options.threads);
-  const JoinTree tree = make_tree(graph, order, options);
-  report.joins = tree.nodes();
-  std::vector<Piece<D>> pieces = observing_join(graph, tree, options, pool, report);
+  JoinedPieces<D> joined = join_pieces(graph, order, options, pool, report);
+  std::vector<Piece<D>>& pieces = joined.pieces;
   report.components = static_cast<int>(pieces.size());
 
   Places places(graph.variables.size());
@@ -74,7 +86,11 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
   const auto whole = std::make_shared<const MeasurementGraph<D>>(
       pieces.size() == 1 ? graph : MeasurementGraph<D>());
   for (Piece<D>& piece : pieces) {
-    ObservationSystem<D> system(graph, piece, {}, places);
+    std::unique_ptr<ObservationSystem<D>> planned = std::move(joined.system);
+    if (planned == nullptr)
+      planned = std::make_unique<ObservationSystem<D>>(graph, piece,
+                                                       std::span<const std::int32_t>(), places);
+    ObservationSystem<D>& system = *planned;
     const double linear = system.chi2(piece, pool);
     report.chi2_linear += linear;
     if (options.mode == Mode::kOptimal) {

@@ -86,6 +86,7 @@ SymmetricBlockMatrix JoinEquations::normal_matrix() const {
         const int i = I.row(s);
         product.noalias() = Block(I.block(s), I.dim(i), I.dim(j)) * Sj;
         whole.noalias() = block_of(rows, i).transpose() * product;
+        if (i == j) whole = 0.5 * (whole + whole.transpose()).eval();
         out.add(rows.column[at(i)], rows.column[at(j)], whole);
       }
     }

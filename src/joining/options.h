@@ -47,7 +47,7 @@ struct JoinOptions {
   Strategy strategy = Strategy::kDivideAndConquer;
   int threads = 1;          ///< results are the same bits for any number
   int leaf_variables = 32;  ///< variables a leaf of the graph tree holds, about
-  int arity = 16;           ///< maps joined at once in the graph tree
+  int arity = 4;            ///< maps joined at once in the graph tree
   int root_solves = 0;      ///< linear solves at the root; 0: the mode's own (paper and summary 1,
                             ///< observe and optimal 2)
   int max_refine_solves = 100;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/change_frame.h"
 #include "mapjoin/frames/gauge.h"
 #include "mapjoin/graph/error.h"
@@ -119,7 +120,7 @@ Summary<D> join_as_published(const VariableSet<D>& all, Summary<D> first, Summar
       throw DisconnectedError(
           fmt::format("pose {} is not in both maps", to_string(all.key(common))));
     auto* const pose = reinterpret_cast<Rigid<D>*>(value_of(all, map->piece, place));
-    move(all, *map, pose->inverse());
+    move(all, *map, motion_into(*pose));
     *pose = Rigid<D>::identity();
   }
   std::vector<Piece<D>> pieces{first.piece, second.piece};

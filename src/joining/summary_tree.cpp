@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 
+#include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/local_map.h"
 #include "mapjoin/joining/leaf.h"
 #include "mapjoin/joining/place.h"
@@ -219,7 +220,7 @@ JoinResult<D> finish(const MeasurementGraph<D>& graph, std::vector<Started<D>> j
       const int place = summary.piece.column_start[at(graph.variables.find_column(Tag("pose")))];
       auto* const pose =
           reinterpret_cast<Rigid<D>*>(value_of(graph.variables, summary.piece, place));
-      move(graph.variables, summary, pose->inverse());
+      move(graph.variables, summary, motion_into(*pose));
       *pose = Rigid<D>::identity();
     }
     collect_observations(all, summary.piece, places);

@@ -87,4 +87,10 @@ struct LoopRunner {
 /// meaningless.
 int eliminate_pivots(const FrontView& front, const double* smallest, LoopRunner loop = {});
 
+/// Backward substitution in one front. `x` holds, by row: anything at the pivots, the update
+/// variables' solution, -1 for the right-hand side row, zeros up to a whole row group (row_end).
+/// The pivots' solution takes the place of the former.
+void solve_pivots_backward(const double* panel, std::int64_t stride, int pivots, int row_end,
+                           double* x);
+
 }  // namespace mapjoin

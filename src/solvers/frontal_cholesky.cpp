@@ -31,19 +31,33 @@ void clear_columns(const FrontView& front, int begin, int end) {
   }
 }
 
+/// Per thread: the diagonal of H in the rows of a front, then the bounds of its pivots.
+std::int64_t scratch_rows(const FrontalStructure& structure) {
+  return (structure.statistics.largest_front + 2 * kRowGroup) / kRowGroup * kRowGroup;
+}
+
 }  // namespace
 
-FactorStatus FrontalCholesky::factorize(const FrontalStructure& structure, Assembler assemble,
-                                        WorkerPool& pool) {
+void FrontalCholesky::require_memory(const FrontalStructure& structure, int threads) {
   structure_ = &structure;
   factor_.require(structure.statistics.factor_bytes / static_cast<std::int64_t>(sizeof(double)));
   workspace_.require(structure.statistics.workspace_bytes /
                      static_cast<std::int64_t>(sizeof(double)));
-  // Per thread: the diagonal of H in the rows of a front, then the bounds of its pivots.
-  const std::int64_t rows =
-      (structure.statistics.largest_front + 2 * kRowGroup) / kRowGroup * kRowGroup;
-  scratch_.require(2 * rows * pool.threads());
+  scratch_.require(2 * scratch_rows(structure) * threads);
   first_failure_ = kNoFailure;
+}
+
+FactorStatus FrontalCholesky::factorize_subtree(const FrontalStructure& structure, Index first,
+                                                Index root, Assembler assemble) {
+  require_memory(structure, 1);
+  for (Index f = first; f <= root; ++f) factor_front(f, assemble, scratch_.data(), {});
+  return status();
+}
+
+FactorStatus FrontalCholesky::factorize(const FrontalStructure& structure, Assembler assemble,
+                                        WorkerPool& pool) {
+  require_memory(structure, pool.threads());
+  const std::int64_t rows = scratch_rows(structure);
 
   const auto factor_task = [&](int thread, int task, LoopRunner loop) {
     double* const scratch = scratch_.data() + 2 * rows * thread;
@@ -60,10 +74,14 @@ FactorStatus FrontalCholesky::factorize(const FrontalStructure& structure, Assem
       scheduler_.work(thread, [&](int task, LoopRunner loop) { factor_task(thread, task, loop); });
     });
   }
+  return status();
+}
+
+FactorStatus FrontalCholesky::status() const {
   if (first_failure_ == kNoFailure) return {};
-  const auto& starts = structure.scalar_at;
+  const auto& starts = structure_->scalar_at;
   const auto after = std::upper_bound(starts.begin(), starts.end(), first_failure_.load());
-  return {.failed_variable = structure.order[after - starts.begin() - 1]};
+  return {.failed_variable = structure_->order[after - starts.begin() - 1]};
 }
 
 void FrontalCholesky::factor_front(Index f, Assembler assemble, double* scratch, LoopRunner loop) {

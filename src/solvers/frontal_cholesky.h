@@ -94,6 +94,29 @@ class FrontalCholesky {
   /// B := H^-1 B for any right-hand sides (rows in the order of the variables, one column each).
   void solve_in_place(Eigen::Ref<Eigen::MatrixXd> b) const;
 
+  /// Factors a whole subtree only: the fronts first .. root, `root` being its root. What is left of
+  /// H and b for the update variables of `root` stays in the workspace, for close_subtree, which
+  /// has to follow.
+  template <class Assemble>
+  FactorStatus factorize_subtree(const FrontalStructure& structure, std::int32_t first,
+                                 std::int32_t root, Assemble&& assemble) {
+    using Type = std::remove_reference_t<Assemble>;
+    const auto call = [](const void* object, std::int32_t front, const FrontView& view) {
+      (*static_cast<Type*>(const_cast<void*>(object)))(front, view);
+    };
+    return factorize_subtree(structure, first, root,
+                             Assembler{.call = call, .object = std::addressof(assemble)});
+  }
+
+  /// Solves for the update variables of a factored subtree's root, with the given of their scalars
+  /// (rows of the update matrix) held: each gets a stiffness of the size of its own diagonal in H.
+  /// False when they are not determined. Then substitutes back: `by_position` holds the solution of
+  /// the subtree's variables and of those update variables, by scalars in elimination order.
+  /// `decrease` becomes b' H^-1 b of the subtree. Call it straight after factorize_subtree: later
+  /// fronts reuse the memory of the update matrix.
+  bool close_subtree(std::int32_t first, std::int32_t root, std::span<const std::int32_t> held,
+                     std::span<double> by_position, double& decrease);
+
   const FrontalStructure& structure() const { return *structure_; }
   FrontConditional conditional(std::int32_t front) const;
 
@@ -109,6 +132,10 @@ class FrontalCholesky {
   };
 
   FactorStatus factorize(const FrontalStructure& structure, Assembler assemble, WorkerPool& pool);
+  FactorStatus factorize_subtree(const FrontalStructure& structure, std::int32_t first,
+                                 std::int32_t root, Assembler assemble);
+  FactorStatus status() const;
+  void require_memory(const FrontalStructure& structure, int threads);
   void factor_front(std::int32_t front, Assembler assemble, double* scratch, LoopRunner loop);
   void back_substitute(std::int32_t front, double* x, double* local) const;
 
@@ -117,6 +144,7 @@ class FrontalCholesky {
   AlignedBuffer factor_;
   AlignedBuffer workspace_;
   AlignedBuffer scratch_;
+  AlignedBuffer closing_;  ///< the dense system of close_subtree
   TreeScheduler scheduler_;
   std::atomic<std::int32_t> first_failure_ = 0;  ///< in scalars of the elimination order
 };

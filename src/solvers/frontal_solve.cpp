@@ -14,33 +14,6 @@ namespace {
 
 using Index = std::int32_t;
 
-// Backward substitution in one front. `x` holds, by row: anything at the pivots, the update
-// variables' solution, -1 for the right-hand side row, zeros up to a whole row group. Four columns
-// at a time: L is read once, x from registers.
-void solve_pivots_backward(const double* panel, std::int64_t stride, int pivots, int row_end,
-                           double* x) {
-  constexpr int kColumns = 4;
-  for (int c = (pivots - 1) / kColumns * kColumns; c >= 0; c -= kColumns) {
-    const int width = std::min(kColumns, pivots - c);
-    const int below = std::min(c + kRowGroup, row_end) / kRowGroup * kRowGroup;
-    double sum[kColumns] = {};
-    for (int n = 0; n < width; ++n) {
-      const double* const column = panel + (c + n) * stride;
-      double part[kRowGroup] = {};
-      for (int i = below; i < row_end; i += kRowGroup) {
-        for (int l = 0; l < kRowGroup; ++l) part[l] += column[i + l] * x[i + l];
-      }
-      for (int i = c + width; i < below; ++i) sum[n] += column[i] * x[i];
-      for (int l = 0; l < kRowGroup; ++l) sum[n] += part[l];
-    }
-    for (int n = width - 1; n >= 0; --n) {
-      const double* const column = panel + (c + n) * stride;
-      for (int i = n + 1; i < width; ++i) sum[n] += column[c + i] * x[c + i];
-      x[c + n] = -sum[n] / column[c + n];
-    }
-  }
-}
-
 }  // namespace
 
 void FrontalCholesky::back_substitute(Index f, double* x, double* local) const {

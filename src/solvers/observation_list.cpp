@@ -70,10 +70,10 @@ const double* ObservationList<D>::value(const Piece<D>& piece, int place) const 
 }
 
 template <int D>
-double ObservationList<D>::evaluate(std::int64_t k, const Piece<D>& piece,
-                                    std::span<const std::int32_t> rows, const DenseTarget* target,
-                                    SubmapScratch& scratch) const {
-  const auto v = clique(k);
+double ObservationList<D>::evaluate_values(std::int64_t k, std::span<const double* const> values,
+                                           std::span<const std::int32_t> rows,
+                                           const DenseTarget* target,
+                                           SubmapScratch& scratch) const {
   std::int64_t observation = observations_[at(k)];
   for (const auto& column : graph_.relative) {
     if (observation >= static_cast<std::int64_t>(column.size())) {
@@ -82,20 +82,30 @@ double ObservationList<D>::evaluate(std::int64_t k, const Piece<D>& piece,
     }
     const auto id = static_cast<std::int32_t>(observation);
     const std::int32_t slots[2] = {0, 0};
-    RelativeBatch<D> one{1,
-                         &id,
-                         column.z.data(),
-                         column.info.data(),
-                         value(piece, v[0]),
-                         value(piece, v[1]),
-                         slots,
-                         rows.data()};
+    RelativeBatch<D> one{1,         &id,       column.z.data(), column.info.data(),
+                         values[0], values[1], slots,           rows.data()};
     return target == nullptr ? column.kind->chi2_relative(one)
                              : column.kind->linearize_relative(one, *target);
   }
+  return linearize_submap(graph_, at(observation), values.data(), rows, target, scratch);
+}
+
+template <int D>
+double ObservationList<D>::evaluate(std::int64_t k, const Piece<D>& piece,
+                                    std::span<const std::int32_t> rows, const DenseTarget* target,
+                                    SubmapScratch& scratch) const {
   std::vector<const double*> values;
   for (const std::int32_t place : clique(k)) values.push_back(value(piece, place));
-  return linearize_submap(graph_, at(observation), values.data(), rows, target, scratch);
+  return evaluate_values(k, values, rows, target, scratch);
+}
+
+template <int D>
+double ObservationList<D>::evaluate_at(std::int64_t k, const Piece<D>& other, const Places& places,
+                                       std::span<const std::int32_t> rows,
+                                       const DenseTarget* target, SubmapScratch& scratch) const {
+  std::vector<const double*> values;
+  for (const std::int32_t variable : clique(k)) values.push_back(value(other, places[variable]));
+  return evaluate_values(k, values, rows, target, scratch);
 }
 
 template <int D>

@@ -34,6 +34,11 @@ class ObservationList {
   /// `rows`; a null target only computes. \returns r^T I r.
   double evaluate(std::int64_t k, const Piece<D>& piece, std::span<const std::int32_t> rows,
                   const DenseTarget* target, SubmapScratch& scratch) const;
+  /// The same at the values of another piece, whose variables stand at `places` (this list's piece
+  /// being all variables of the graph).
+  double evaluate_at(std::int64_t k, const Piece<D>& other, const Places& places,
+                     std::span<const std::int32_t> rows, const DenseTarget* target,
+                     SubmapScratch& scratch) const;
   /// The same into a dense matrix over its own variables: lower triangle; the last row is the
   /// right-hand side.
   double evaluate_alone(std::int64_t k, const Piece<D>& piece, Eigen::MatrixXd& H,
@@ -48,6 +53,9 @@ class ObservationList {
 
  private:
   const double* value(const Piece<D>& piece, int place) const;
+  double evaluate_values(std::int64_t k, std::span<const double* const> values,
+                         std::span<const std::int32_t> rows, const DenseTarget* target,
+                         SubmapScratch& scratch) const;
 
   const MeasurementGraph<D>& graph_;
   std::vector<std::int64_t> observations_;

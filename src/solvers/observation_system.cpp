@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <utility>
 
 #include "mapjoin/solvers/gauge_scalars.h"
 
@@ -19,6 +20,14 @@ DenseTarget target_of(const FrontView& view) {
 }
 
 }  // namespace
+
+template <int D>
+const double* ObservationSystem<D>::value(const Piece<D>& piece, int place) const {
+  std::size_t c = 0;
+  while (place >= piece.column_start[c + 1]) ++c;
+  return piece.data[c].data() + static_cast<std::ptrdiff_t>(place - piece.column_start[c]) *
+                                    graph_.variables.column(static_cast<int>(c)).kind->value_size;
+}
 
 template <int D>
 ObservationSystem<D>::ObservationSystem(const MeasurementGraph<D>& graph, const Piece<D>& piece,
@@ -61,7 +70,6 @@ void ObservationSystem<D>::hold_gauge(const Piece<D>& piece) {
   }
   for (const PieceScalar& s : gauge_scalars(graph_.variables, piece, pose))
     held_.push_back({s.variable, s.scalar, 0, 0.0});
-  weigh_held(piece);
   for (std::size_t h = 0; h < held_.size(); ++h) {
     const bool same = h > 0 && held_[h].variable == held_[h - 1].variable;
     if (!same) {
@@ -161,6 +169,31 @@ RelativeBatch<D> ObservationSystem<D>::batch(const Relative& group, const Piece<
   return out;
 }
 
+/// The submaps that a front owns. With `places`, the piece is not this system's but one whose
+/// variables stand there.
+template <int D>
+double ObservationSystem<D>::assemble_submaps(std::int32_t front, const DenseTarget& target,
+                                              const Piece<D>& piece, const Places* places) const {
+  SubmapScratch scratch;
+  double chi2 = 0.0;
+  for (std::int64_t s = submap_front_[at(front)]; s < submap_front_[at(front) + 1]; ++s) {
+    const std::int64_t k = submap_cliques_[at(s)];
+    const auto rows = structure_.clique_rows(k);
+    if (k < static_cast<std::int64_t>(list_.size())) {
+      chi2 += places == nullptr ? list_.evaluate(k, piece, rows, &target, scratch)
+                                : list_.evaluate_at(k, piece, *places, rows, &target, scratch);
+      continue;
+    }
+    if (places != nullptr) continue;  // a part of the system has its own gauge
+    for (const Held& held : held_) {
+      if (held.clique != k) continue;
+      const std::int64_t row = rows[0] + held.scalar;
+      target.column(row)[row] += held.weight;
+    }
+  }
+  return chi2;
+}
+
 template <int D>
 void ObservationSystem<D>::assemble(std::int32_t front, const FrontView& view,
                                     const Piece<D>& piece) {
@@ -172,29 +205,154 @@ void ObservationSystem<D>::assemble(std::int32_t front, const FrontView& view,
     chi2 += group.measurements->kind->linearize_relative(
         batch(group, piece, group.front[f], group.front[f + 1]), target);
   }
-  if (submap_front_[f] != submap_front_[f + 1]) {
-    SubmapScratch scratch;
-    for (std::int64_t s = submap_front_[f]; s < submap_front_[f + 1]; ++s) {
-      const std::int64_t k = submap_cliques_[at(s)];
-      const auto rows = structure_.clique_rows(k);
-      if (k < static_cast<std::int64_t>(list_.size())) {
-        chi2 += list_.evaluate(k, piece, rows, &target, scratch);
-        continue;
-      }
-      for (const Held& held : held_) {
-        if (held.clique != k) continue;
-        const std::int64_t row = rows[0] + held.scalar;
-        target.column(row)[row] += held.weight;
-      }
+  if (submap_front_[f] != submap_front_[f + 1])
+    chi2 += assemble_submaps(front, target, piece, nullptr);
+  front_chi2_[f] = chi2;
+}
+
+/// Rows of the root's update matrix that hold the gauge of a subtree: a pose it shares with the
+/// rest, or the scalars of features that turn most freely. Empty where what it shares does not fix
+/// a frame.
+template <int D>
+std::vector<std::int32_t> ObservationSystem<D>::held_rows(std::int32_t root, const Piece<D>& sub,
+                                                          const Places& places) const {
+  constexpr int G = kGauge<D>;
+  std::vector<std::int32_t> out;
+  const int poses = graph_.variables.find_column(Tag("pose"));
+  std::vector<std::int32_t> rows;
+  std::int32_t row = 0;
+  for (const std::int32_t position : structure_.updates_of(root)) {
+    const std::int32_t v = structure_.order[at(position)];
+    if (graph_.variables.column_of(v) == poses) {
+      for (int k = 0; k < G; ++k) out.push_back(row + k);
+      return out;
+    }
+    rows.push_back(row);
+    row += structure_.dims[at(v)];
+  }
+  // No pose: Gram-Schmidt with pivoting over the gauge rows of the shared variables.
+  Eigen::MatrixXd g(row, G), block;
+  std::size_t k = 0;
+  for (const std::int32_t position : structure_.updates_of(root)) {
+    const std::int32_t v = structure_.order[at(position)];
+    const VariableKind<D>& kind = graph_.variables.kind(v);
+    block.resize(kind.dim, G);
+    kind.gauge(value(sub, places[v]), 1, block.data());
+    g.middleRows(rows[k++], kind.dim) = block;
+  }
+  if (row < G) return out;
+  double largest = 0.0;
+  for (int step = 0; step < G; ++step) {
+    Eigen::Index best = 0;
+    const double length = std::sqrt(g.rowwise().squaredNorm().maxCoeff(&best));
+    largest = std::max(largest, length);
+    if (!(length > 1e-3 * largest)) return {};
+    out.push_back(static_cast<std::int32_t>(best));
+    const Eigen::RowVectorXd direction = g.row(best) / length;
+    g -= (g * direction.transpose()) * direction;
+  }
+  return out;
+}
+
+/// Where each measurement of a subtree finds its values in the sub-piece.
+template <int D>
+void ObservationSystem<D>::find_slots(std::int32_t first, std::int32_t root, const Piece<D>& sub,
+                                      const Places& places, SubtreeScratch& scratch) const {
+  scratch.slots.resize(relative_.size());
+  if (relative_.empty()) return;
+  const int poses = graph_.variables.find_column(Tag("pose"));
+  const int first_pose = graph_.variables.column(poses).first;
+  const int pose_start = sub.column_start[at(poses)];
+  for (std::size_t r = 0; r < relative_.size(); ++r) {
+    const Relative& group = relative_[r];
+    const std::int64_t begin = group.front[at(first)];
+    const std::int64_t end = group.front[at(root) + 1];
+    auto& slots = scratch.slots[r];
+    slots.resize(at(2 * (end - begin)));
+    const int first_value = graph_.variables.column(group.column).first;
+    const int value_start = sub.column_start[at(group.column)];
+    for (std::int64_t e = begin; e < end; ++e) {
+      slots[at(2 * (e - begin))] = places[first_pose + group.slots[at(2 * e)]] - pose_start;
+      slots[at(2 * (e - begin) + 1)] =
+          places[first_value + group.slots[at(2 * e + 1)]] - value_start;
     }
   }
-  front_chi2_[f] = chi2;
+}
+
+template <int D>
+auto ObservationSystem<D>::solve_subtree(std::int32_t first, std::int32_t root, const Piece<D>& sub,
+                                         Places& places, SubtreeScratch& scratch,
+                                         Eigen::VectorXd& increment) -> std::optional<Step> {
+  places.mark(sub.variables);
+  const std::vector<std::int32_t> held = held_rows(root, sub, places);
+  Step step;
+  bool solved = false;
+  if (!held.empty()) {
+    find_slots(first, root, sub, places, scratch);
+    const auto assembler = [&](std::int32_t front, const FrontView& view) {
+      const DenseTarget target = target_of(view);
+      const std::size_t f = at(front);
+      for (std::size_t r = 0; r < relative_.size(); ++r) {
+        const Relative& group = relative_[r];
+        if (group.front[f] == group.front[f + 1]) continue;
+        RelativeBatch<D> part = batch(group, sub, group.front[f], group.front[f + 1]);
+        part.slots = scratch.slots[r].data() + 2 * (group.front[f] - group.front[at(first)]);
+        step.chi2 += group.measurements->kind->linearize_relative(part, target);
+      }
+      if (submap_front_[f] != submap_front_[f + 1])
+        step.chi2 += assemble_submaps(front, target, sub, &places);
+    };
+    scratch.by_position.resize(at(structure_.statistics.scalars));
+    solved = scratch.cholesky.factorize_subtree(structure_, first, root, assembler).ok() &&
+             scratch.cholesky.close_subtree(first, root, held, scratch.by_position,
+                                            step.predicted_decrease);
+  }
+  if (solved) {
+    std::int64_t total = 0;
+    for (const int v : sub.variables) total += structure_.dims[at(v)];
+    increment.resize(total);
+    double* to = increment.data();
+    for (const int v : sub.variables) {
+      const std::int32_t position = structure_.position[at(v)];
+      for (std::int32_t i = structure_.scalar_at[at(position)];
+           i < structure_.scalar_at[at(position) + 1]; ++i) {
+        *to++ = scratch.by_position[at(i)];
+      }
+    }
+    solved = increment.allFinite();
+  }
+  places.clear(sub.variables);
+  return solved ? std::optional<Step>(step) : std::nullopt;
+}
+
+template <int D>
+double ObservationSystem<D>::subtree_chi2(std::int32_t first, std::int32_t root,
+                                          const Piece<D>& sub, Places& places,
+                                          SubtreeScratch& scratch) const {
+  places.mark(sub.variables);
+  find_slots(first, root, sub, places, scratch);
+  double sum = 0.0;
+  for (std::size_t r = 0; r < relative_.size(); ++r) {
+    const Relative& group = relative_[r];
+    RelativeBatch<D> part = batch(group, sub, group.front[at(first)], group.front[at(root) + 1]);
+    part.slots = scratch.slots[r].data();
+    sum += group.measurements->kind->chi2_relative(part);
+  }
+  SubmapScratch submap;
+  for (std::int64_t s = submap_front_[at(first)]; s < submap_front_[at(root) + 1]; ++s) {
+    const std::int64_t k = submap_cliques_[at(s)];
+    if (k < static_cast<std::int64_t>(list_.size()))
+      sum += list_.evaluate_at(k, sub, places, {}, nullptr, submap);
+  }
+  places.clear(sub.variables);
+  return sum;
 }
 
 template <int D>
 auto ObservationSystem<D>::solve(const Piece<D>& piece, FrontalCholesky& cholesky, WorkerPool& pool,
                                  Eigen::VectorXd& increment) -> Step {
   Step step;
+  if (!std::exchange(weighed_, true)) weigh_held(piece);
   const auto assembler = [&](std::int32_t front, const FrontView& view) {
     assemble(front, view, piece);
   };

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -12,6 +13,13 @@
 #include "mapjoin/solvers/observation_list.h"
 
 namespace mapjoin {
+
+/// Buffers of ObservationSystem::solve_subtree, one for each thread.
+struct SubtreeScratch {
+  FrontalCholesky cholesky;
+  std::vector<double> by_position;
+  std::vector<std::vector<std::int32_t>> slots;  ///< per type of measurement
+};
 
 /// The linear least squares problem of one join: all observations of a piece, linearised where its
 /// values are, with increments of its variables as unknowns.
@@ -41,6 +49,21 @@ class ObservationSystem {
   /// the piece's variables. Same bits for any number of threads of the pool.
   Step solve(const Piece<D>& piece, FrontalCholesky& cholesky, WorkerPool& pool,
              Eigen::VectorXd& increment);
+
+  /// Solves for the part of the system that a subtree of fronts eliminates, first .. root, and for
+  /// the variables it shares with the rest, as if those observations were all there is; `sub` holds
+  /// just these variables, this system's piece all variables of the graph. No new plan is made: the
+  /// fronts are those of the whole. Nothing is returned when that cannot be done on the fronts
+  /// alone (the shared variables do not fix a frame, or some variable is not determined): then plan
+  /// a system of its own. `increment` becomes d, in the order of sub's variables.
+  std::optional<Step> solve_subtree(std::int32_t first, std::int32_t root, const Piece<D>& sub,
+                                    Places& places, SubtreeScratch& scratch,
+                                    Eigen::VectorXd& increment);
+  /// The sum of r^T I r over the same observations, at the values of `sub`.
+  double subtree_chi2(std::int32_t first, std::int32_t root, const Piece<D>& sub, Places& places,
+                      SubtreeScratch& scratch) const;
+
+  const FrontalStructure& structure() const { return structure_; }
 
   /// The sum of r^T I r at the piece's values.
   double chi2(const Piece<D>& piece, WorkerPool& pool);
@@ -73,7 +96,14 @@ class ObservationSystem {
   void sort_by_front(const Piece<D>& piece);
   RelativeBatch<D> batch(const Relative& relative, const Piece<D>& piece, std::int64_t first,
                          std::int64_t last) const;
+  double assemble_submaps(std::int32_t front, const DenseTarget& target, const Piece<D>& piece,
+                          const Places* places) const;
   void assemble(std::int32_t front, const FrontView& view, const Piece<D>& piece);
+  const double* value(const Piece<D>& piece, int place) const;
+  void find_slots(std::int32_t first, std::int32_t root, const Piece<D>& sub, const Places& places,
+                  SubtreeScratch& scratch) const;
+  std::vector<std::int32_t> held_rows(std::int32_t root, const Piece<D>& sub,
+                                      const Places& places) const;
 
   const MeasurementGraph<D>& graph_;
   ObservationList<D> list_;
@@ -84,6 +114,7 @@ class ObservationSystem {
   std::vector<std::int64_t> submap_cliques_;  ///< in the order of the fronts that own them
   std::vector<std::int64_t> submap_front_;    ///< per front: first entry
   std::vector<double> front_chi2_;
+  bool weighed_ = false;
 };
 
 }  // namespace mapjoin

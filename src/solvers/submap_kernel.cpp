@@ -78,31 +78,23 @@ double add_information(const double* block, int rows, int columns, bool diagonal
   return sum;
 }
 
+/// Poses and points have sizes the compiler may know (2 and 3 in the plane, 3 and 6 in space);
+/// other types do not.
 template <int G, int R, class... Args>
 double by_columns(int columns, Args&&... args) {
-  switch (columns) {
-    case 2:
-      return add_information<G, R, 2>(args...);
-    case 3:
-      return add_information<G, R, 3>(args...);
-    case 6:
-      return add_information<G, R, 6>(args...);
-    default:
-      return add_information<G, R, Dynamic>(args...);
-  }
+  constexpr int kPose = G;
+  constexpr int kPoint = G == 3 ? 2 : 3;
+  if (columns == kPose) return add_information<G, R, kPose>(args...);
+  if (columns == kPoint) return add_information<G, R, kPoint>(args...);
+  return add_information<G, Dynamic, Dynamic>(args...);
 }
 template <int G, class... Args>
 double by_size(int rows, int columns, Args&&... args) {
-  switch (rows) {
-    case 2:
-      return by_columns<G, 2>(columns, args...);
-    case 3:
-      return by_columns<G, 3>(columns, args...);
-    case 6:
-      return by_columns<G, 6>(columns, args...);
-    default:
-      return by_columns<G, Dynamic>(columns, args...);
-  }
+  constexpr int kPose = G;
+  constexpr int kPoint = G == 3 ? 2 : 3;
+  if (rows == kPose) return by_columns<G, kPose>(columns, args...);
+  if (rows == kPoint) return by_columns<G, kPoint>(columns, args...);
+  return add_information<G, Dynamic, Dynamic>(args...);
 }
 
 /// Where the anchor's frame is, and K = C^-1 P D: how its tangents turn it. K is the identity for a

@@ -1,0 +1,83 @@
+// A subtree on its own: what it says of the variables it shares with the rest.
+
+#include <algorithm>
+
+#include "mapjoin/solvers/extend_add.h"
+#include "mapjoin/solvers/frontal_cholesky.h"
+
+namespace mapjoin {
+namespace {
+
+using Index = std::int32_t;
+
+constexpr double kSmallestHeldPivot = 1e-13;
+
+}  // namespace
+
+// Four columns at a time: L is read once, x from registers.
+void solve_pivots_backward(const double* panel, std::int64_t stride, int pivots, int row_end,
+                           double* x) {
+  constexpr int kColumns = 4;
+  for (int c = (pivots - 1) / kColumns * kColumns; c >= 0; c -= kColumns) {
+    const int width = std::min(kColumns, pivots - c);
+    const int below = std::min(c + kRowGroup, row_end) / kRowGroup * kRowGroup;
+    double sum[kColumns] = {};
+    for (int n = 0; n < width; ++n) {
+      const double* const column = panel + (c + n) * stride;
+      double part[kRowGroup] = {};
+      for (int i = below; i < row_end; i += kRowGroup) {
+        for (int l = 0; l < kRowGroup; ++l) part[l] += column[i + l] * x[i + l];
+      }
+      for (int i = c + width; i < below; ++i) sum[n] += column[i] * x[i];
+      for (int l = 0; l < kRowGroup; ++l) sum[n] += part[l];
+    }
+    for (int n = width - 1; n >= 0; --n) {
+      const double* const column = panel + (c + n) * stride;
+      for (int i = n + 1; i < width; ++i) sum[n] += column[c + i] * x[c + i];
+      x[c + n] = -sum[n] / column[c + n];
+    }
+  }
+}
+
+bool FrontalCholesky::close_subtree(Index first, Index root, std::span<const Index> held,
+                                    std::span<double> by_position, double& decrease) {
+  const FrontalStructure& s = *structure_;
+  const Index q = s.fronts[root].update_dim;
+  const Index row_end = (q + kRowGroup) / kRowGroup * kRowGroup;  // with the right-hand side row
+  decrease = 0;
+  for (Index f = first; f <= root; ++f) decrease += conditional(f).y.squaredNorm();
+  if (q > 0) {
+    // A front of its own, all pivots.
+    Front front;
+    front.pivot_dim = q;
+    front.panel_stride = row_end;
+    const std::int64_t size = std::int64_t{row_end} * (q + 3);
+    double* const memory = closing_.require(size);
+    const FrontView view(front, memory, memory);
+    const UpdateMatrix S(s.fronts[root], workspace_.data());
+    for (Index j = 0; j < q; ++j) {
+      double* const to = view.column(j);
+      std::fill(to, to + row_end, 0.0);
+      std::copy(S.column(j) + j, S.column(j) + q + 1, to + j);
+    }
+    for (const Index row : held) view.column(row)[row] += std::max(S.diagonal()[row], 1e-300);
+    double* const smallest = memory + std::int64_t{row_end} * q;
+    for (Index j = 0; j < q; ++j) smallest[j] = kSmallestHeldPivot * S.diagonal()[j];
+    if (eliminate_pivots(view, smallest) >= 0) return false;
+    for (Index j = 0; j < q; ++j) decrease += view.rhs(j) * view.rhs(j);
+    double* const x = smallest + row_end;
+    x[q] = -1;
+    std::fill(x + q + 1, x + row_end, 0.0);
+    solve_pivots_backward(view.panel(), front.panel_stride, q, row_end, x);
+    const double* from = x;
+    for (const Index position : s.updates_of(root)) {
+      for (Index i = s.scalar_at[position]; i < s.scalar_at[position + 1]; ++i)
+        by_position[i] = *from++;
+    }
+  }
+  double* const local = scratch_.data();
+  for (Index f = root + 1; f-- > first;) back_substitute(f, by_position.data(), local);
+  return true;
+}
+
+}  // namespace mapjoin
