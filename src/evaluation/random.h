@@ -10,9 +10,9 @@ namespace mapjoin {
 
 /// Reproducible random numbers: xoshiro256** (Blackman and Vigna), seeded by splitmix64.
 ///
-/// The generators of <random> are the same everywhere but its distributions are not, so a world
-/// made with one standard library would differ from the "same" world made with another. Streams of
-/// one seed are independent: drawing more noise does not move the walls.
+/// The generators of the standard library are the same everywhere but its distributions are not, so
+/// a world made with one standard library would differ from the "same" world made with another.
+/// Streams of one seed are independent: drawing more noise does not move the walls.
 class Random {
  public:
   explicit Random(std::uint64_t seed, std::uint64_t stream = 0) {

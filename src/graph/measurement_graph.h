@@ -62,8 +62,7 @@ struct MeasurementGraph {
 
   /// Number of observations.
   std::size_t size() const;
-  /// Total number of scalar residuals less unknowns is meaningless without a count of residuals:
-  /// their number.
+  /// Number of scalar residuals. Less the number of unknowns it is what chi2 should be about.
   std::size_t residuals() const;
 };
 

@@ -15,16 +15,21 @@
 /// unknown behaves. A user adds one by writing such a struct; nothing under src/ changes.
 ///
 ///     struct T {
-///       static constexpr int ambient = 2;                    // it lives in the plane (2) or in
-///       space (3) static constexpr int dim = 2;                        // of its tangent static
-///       constexpr std::string_view name = "wall";     // 1 to 8 characters: keys print as wall:12
+///       static constexpr int ambient = 2;  // it lives in the plane (2) or in space (3)
+///       static constexpr int dim = 2;      // of its tangent
+///       static constexpr std::string_view name = "wall";  // at most 8 characters: wall:12
 ///       static constexpr FrameAction action = FrameAction::kGeneral;
-///       template <class S> using Value = ...;                // only scalars S inside: doubles in
-///       a row in memory template <class S> static Value<S> retract(const Value<S>& x, const
-///       Vec<dim, S>& d);    // x [+] d template <class S> static Vec<dim, S> local(const Value<S>&
-///       x, const Value<S>& y);      // y [-] x template <class S> static Value<S> transform(const
-///       Rigid<ambient, S>& T, const Value<S>& x);
+///       template <class S>
+///       using Value = ...;  // nothing but scalars S inside: doubles in a row in memory
+///       template <class S>  // x [+] d
+///       static Value<S> retract(const Value<S>& x, const Vec<dim, S>& d);
+///       template <class S>  // y [-] x
+///       static Vec<dim, S> local(const Value<S>& x, const Value<S>& y);
+///       template <class S>  // x as it looks from the frame that T leads into
+///       static Value<S> transform(const Rigid<ambient, S>& T, const Value<S>& x);
 ///     };
+///
+/// examples/04_own_variable_type.cpp is one, in use.
 ///
 /// Laws (the conformance suite checks them):
 ///   1. local(x, retract(x, d)) = d for small d, and retract(x, 0) = x.
@@ -35,12 +40,14 @@
 /// there.
 ///
 /// Optional members, used when present:
-///   frame_jacobian(T, x) -> dim x dim       D, instead of the derivative by dual numbers
-///   gauge(x) -> dim x kGauge<ambient>       g, likewise
-///   local_jacobian(x, y) -> dim x dim       d local(x, retract(y, d)) / dd at d = 0, likewise
-///   position(x) -> Vec<ambient>             a point that moves with the variable: lets it take
-///   part in align() rotation(x) -> Mat<ambient, ambient>    an orientation that moves with it,
-///   likewise
+///
+///     frame_jacobian(T, x) -> dim x dim      D, instead of the derivative by dual numbers
+///     gauge(x) -> dim x kGauge<ambient>      g, likewise
+///     local_jacobian(x, y) -> dim x dim      d local(x, retract(y, d)) / dd at d = 0, likewise
+///     position(x) -> Vec<ambient>            a point that moves with the variable
+///     rotation(x) -> Mat<ambient, ambient>   an orientation that moves with it
+///
+/// Types with a position or a rotation take part in align(), by which maps are laid on one another.
 
 namespace mapjoin {
 

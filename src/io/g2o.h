@@ -18,11 +18,16 @@
 /// \file
 /// Measurement graphs and solutions in the text format of g2o.
 ///
-///     VERTEX_SE2 id x y theta                  EDGE_SE2 i j  x y theta  I11 I12 I13 I22 I23 I33
-///     VERTEX_XY id x y                         EDGE_SE2_XY i j  x y  I11 I12 I22
-///     VERTEX_SE3:QUAT id x y z qx qy qz qw     EDGE_SE3:QUAT i j  x y z qx qy qz qw  I11 I12 ...
-///     I66 VERTEX_TRACKXYZ id x y z                 EDGE_SE3_TRACKXYZ i j [p]  x y z  I11 I12 ...
-///     I33 PARAMS_SE3OFFSET p x y z qx qy qz qw     FIX id
+///     VERTEX_SE2 id  x y theta
+///     VERTEX_XY id  x y
+///     VERTEX_SE3:QUAT id  x y z  qx qy qz qw
+///     VERTEX_TRACKXYZ id  x y z
+///     EDGE_SE2 i j  x y theta  I11 I12 I13 I22 I23 I33
+///     EDGE_SE2_XY i j  x y  I11 I12 I22
+///     EDGE_SE3:QUAT i j  x y z  qx qy qz qw  I11 I12 ... I66
+///     EDGE_SE3_TRACKXYZ i j [p]  x y z  I11 I12 I13 I22 I23 I33
+///     PARAMS_SE3OFFSET p  x y z  qx qy qz qw
+///     FIX id
 ///
 /// One record a line, '#' begins a comment line. Metres and radians. An edge says how vertex j
 /// looks from pose i: the pose j, or the point j, in the frame of pose i. With a parameter p an

@@ -22,7 +22,7 @@ enum class Mode {
 
 /// Which maps are joined with which.
 enum class TreeShape {
-  kGraph,  ///< from the graph's structure (METIS): when order means nothing, and for speed
+  kGraph,  ///< from the graph's structure: when order means nothing, and for speed
   kOrder   ///< neighbours by index
 };
 
@@ -74,8 +74,8 @@ struct JoinReport {
   std::vector<std::string> notes;  ///< what a user should know, in sentences
 };
 
-/// The joined maps, one for each rigid piece, each in the frame of its lowest pose, largest piece
-/// first... and a report.
+/// The joined maps, one for each rigid piece, each in the frame of its lowest pose and ordered by
+/// that pose; and a report.
 template <int D>
 struct JoinResult {
   std::vector<Map<D>> maps;
