@@ -12,8 +12,9 @@ namespace mapjoin {
 
 /// What a join carries on to the next.
 enum class Mode {
-  kPaper,    ///< as published: pairs in index order, one common pose, joined information completed
-             ///< exactly
+  /// As published: pairs in index order, one common pose, joined information completed exactly (in
+  /// sequential joining the sparse sum: exact completion would make it dense).
+  kPaper,
   kSummary,  ///< a map is (values, information) and nothing else: for sharing, privacy, bandwidth,
              ///< life-long mapping
   kObserve,  ///< maps keep their measurements; one linear solve a join, two at the root

@@ -112,7 +112,7 @@ std::vector<Summary<D>> join_summaries(const VariableSet<D>& all, std::vector<Su
 
 template <int D>
 Summary<D> join_as_published(const VariableSet<D>& all, Summary<D> first, Summary<D> second,
-                             int common) {
+                             int common, bool complete) {
   constexpr int G = kGauge<D>;
   for (Summary<D>* map : {&first, &second}) {
     const int place = place_of(map->piece.variables, common);
@@ -131,6 +131,10 @@ Summary<D> join_as_published(const VariableSet<D>& all, Summary<D> first, Summar
   solve_step<D>(all, maps, joined.piece, place);
   *reinterpret_cast<Rigid<D>*>(value_of(all, joined.piece, place)) = Rigid<D>::identity();
 
+  if (!complete) {
+    joined.information = join_equations<D>(all, maps, joined.piece).normal_matrix();
+    return joined;
+  }
   // (17) in the frame of the common pose, whose rows and columns are not part of it; then completed
   // exactly.
   SymmetricBlockMatrix anchored = join_equations<D>(all, maps, joined.piece).normal_matrix();
@@ -148,11 +152,12 @@ Summary<D> join_as_published(const VariableSet<D>& all, Summary<D> first, Summar
   return joined;
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                               \
-  template void move<D>(const VariableSet<D>&, Summary<D>&, const Rigid<D>&);                \
-  template std::vector<Summary<D>> join_summaries<D>(const VariableSet<D>&,                  \
-                                                     std::vector<Summary<D>>, int, Places&); \
-  template Summary<D> join_as_published<D>(const VariableSet<D>&, Summary<D>, Summary<D>, int);
+#define MAPJOIN_INSTANTIATE(D)                                                                 \
+  template void move<D>(const VariableSet<D>&, Summary<D>&, const Rigid<D>&);                  \
+  template std::vector<Summary<D>> join_summaries<D>(const VariableSet<D>&,                    \
+                                                     std::vector<Summary<D>>, int, Places&);   \
+  template Summary<D> join_as_published<D>(const VariableSet<D>&, Summary<D>, Summary<D>, int, \
+                                           bool);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)
 #undef MAPJOIN_INSTANTIATE

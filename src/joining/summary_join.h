@@ -24,8 +24,12 @@ std::vector<Summary<D>> join_summaries(const VariableSet<D>& all, std::vector<Su
 /// `common` (its number in `all`), which is the only thing they are compared by; one linear solve;
 /// the joined information, anchored there, is completed exactly. The result is in the frame of that
 /// pose.
+///
+/// Exact completion costs a dense row for the pose. Without it (`complete` false) the information
+/// is the sparse sum, gauge-free only to the order of the disagreement: the choice for long
+/// sequences, whose information would be dense after as many joins as there are poses.
 template <int D>
 Summary<D> join_as_published(const VariableSet<D>& all, Summary<D> first, Summary<D> second,
-                             int common);
+                             int common, bool complete = true);
 
 }  // namespace mapjoin

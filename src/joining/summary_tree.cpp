@@ -151,7 +151,8 @@ class SummaryWalk {
         const int common = common_pose(all_, maps[a], maps[b]);
         if (common < 0) continue;
         maps[a].summary =
-            join_as_published(all_, std::move(maps[a].summary), std::move(maps[b].summary), common);
+            join_as_published(all_, std::move(maps[a].summary), std::move(maps[b].summary), common,
+                              options_.strategy == Strategy::kDivideAndConquer);
         maps.erase(maps.begin() + static_cast<std::ptrdiff_t>(b));
         b = a;  // the grown map may share a pose with one passed over
       }
