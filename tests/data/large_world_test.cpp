@@ -1,0 +1,53 @@
+// Worlds far larger than the real ones: joining ends in the same minimum as refinement that was
+// told the truth. Needs no data.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <numeric>
+
+#include "mapjoin/evaluation/simulate.h"
+#include "mapjoin/joining/join_all.h"
+#include "mapjoin/joining/refine.h"
+
+namespace mapjoin::test {
+namespace {
+
+/// chi2 of the minimum next to the truth.
+template <int D>
+double refined_from_truth(const Simulation<D>& world) {
+  Piece<D> piece = to_piece(world.graph.variables, world.truth);
+  piece.observations.resize(world.graph.size());
+  std::iota(piece.observations.begin(), piece.observations.end(), std::int64_t{0});
+  Places places(world.graph.variables.size());
+  ObservationSystem<D> system(world.graph, piece, {}, places);
+  FrontalCholesky cholesky;
+  WorkerPool pool;
+  const RefineResult result = refine(world.graph, piece, system, cholesky, pool, 100, 1e-12, {});
+  EXPECT_TRUE(result.minimum);
+  return result.chi2;
+}
+
+class LargeWorld : public testing::TestWithParam<int> {};
+
+TEST_P(LargeWorld, SolvesToTheOptimumNextToTheTruth) {
+  SimulationOptions world_options = simulation_defaults(World::kManhattan);
+  world_options.poses = GetParam();
+  const Simulation<2> world = simulate<2>(world_options);
+  const double from_truth = refined_from_truth(world);
+
+  JoinOptions options;
+  options.information = false;
+  const JoinResult<2> result = join_all(world.graph, options);
+  EXPECT_EQ(result.report.components, 1);
+  EXPECT_TRUE(result.report.minimum);
+  EXPECT_NEAR(result.report.chi2, from_truth, 1e-6 * from_truth);
+  // For scripts/results.py.
+  std::printf("manhattan %d: joined %.6f, refined from the truth %.6f\n", GetParam(),
+              result.report.chi2, from_truth);
+}
+
+INSTANTIATE_TEST_SUITE_P(, LargeWorld, testing::Values(20000, 63000, 200000),
+                         testing::PrintToStringParamName());
+
+}  // namespace
+}  // namespace mapjoin::test
