@@ -112,7 +112,12 @@ template <int D>
 std::optional<Rigid<D>> align(std::span<const CommonColumn<D>> common) {
   const Positions<D> positions = common_positions(common);
   const Rigid<D> centre = centring(positions);
-  if (positions.size() == 0 || !has_rank(common, centre)) return std::nullopt;
+  // Only what takes part in the fit may vouch for it: two walls fix a frame, but not this one.
+  std::vector<CommonColumn<D>> fitted;
+  for (const CommonColumn<D>& c : common) {
+    if (c.kind->positions != nullptr || c.kind->rotations != nullptr) fitted.push_back(c);
+  }
+  if (positions.size() == 0 || !has_rank<D>(fitted, centre)) return std::nullopt;
 
   const Vec<D> mean_a = -centre.t;
   const Vec<D> mean_b = positions.in_b().rowwise().mean();

@@ -53,6 +53,7 @@ Key parse_key(std::string_view text) {
   }
   const auto colon = text.find(':');
   if (colon == std::string_view::npos || colon == 0 || colon > 8) throw fail();
+  if (text.substr(0, colon).find('/') != std::string_view::npos) throw fail();
   key.type = Tag(text.substr(0, colon));
   if (!parse_whole(text.substr(colon + 1), key.id)) throw fail();
   return key;

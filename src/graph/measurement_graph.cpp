@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "mapjoin/graph/check_local_map.h"
 #include "mapjoin/graph/error.h"
 #include "mapjoin/graph/key_numbering.h"
 #include "mapjoin/graph/map.h"
@@ -94,6 +95,11 @@ void MeasurementGraphBuilder<D>::add(const VariableKind<D>& kind, const Key& fro
     throw InputError(
         fmt::format("a measurement of {} from itself says nothing: remove it", to_string(from)));
   }
+  if (from.type != Tag("pose")) {
+    throw InputError(fmt::format("the measurement {} -> {} is not taken from a pose",
+                                 to_string(from), to_string(to)));
+  }
+  check_type(kind, to);
   if (!all_finite(z, doubles(kind.value_size)) ||
       !all_finite(information, doubles(kind.dim * kind.dim))) {
     throw InputError(fmt::format("the measurement {} -> {} holds a number that is not finite",
@@ -109,6 +115,7 @@ void MeasurementGraphBuilder<D>::add(const VariableKind<D>& kind, const Key& fro
 template <int D>
 void MeasurementGraphBuilder<D>::add(const LocalMap<D>& local_map) {
   // Terms coupled by information stay together: union-find over the off-diagonal blocks.
+  check_local_map(local_map);
   const SymmetricBlockMatrix& info = local_map.information;
   const int n = info.size();
   std::vector<int> root(doubles(n));

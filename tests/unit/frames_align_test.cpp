@@ -1,0 +1,251 @@
+#include "mapjoin/frames/align.h"
+
+#include <gtest/gtest.h>
+
+#include <optional>
+#include <vector>
+
+#include "tests/support/random_maps.h"
+#include "tests/support/user_types.h"
+
+namespace mapjoin {
+namespace {
+
+using namespace test;  // NOLINT
+
+template <class T>
+class Align : public ::testing::Test {};
+using Dimensions = ::testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 3>>;
+TYPED_TEST_SUITE(Align, Dimensions);
+
+template <int D>
+void expect_same(const Rigid<D>& a, const Rigid<D>& b, double tolerance = 1e-11) {
+  EXPECT_LT(distance(a.R, b.R), tolerance);
+  EXPECT_LT(distance(a.t, b.t), tolerance * (1.0 + b.t.norm()));
+}
+template <int D>
+Values<D> moved(Values<D> x, const Rigid<D>& T) {
+  x.transform(T);
+  return x;
+}
+template <int D>
+Values<D> points(const std::vector<Vec<D>>& at) {
+  ValuesBuilder<D> builder;
+  for (std::size_t k = 0; k < at.size(); ++k)
+    builder.template add<PointType<D>>(point_key(k), at[k]);
+  return std::move(builder).build();
+}
+
+TYPED_TEST(Align, FindsTheMotionFromAnyMixThatFixesIt) {
+  constexpr int D = TypeParam::value;
+  for (const auto& [poses, features] : {std::pair(1, 0), {1, 1}, {0, D}, {2, 0}, {0, 9}, {5, 7}}) {
+    for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+      SCOPED_TRACE(testing::Message() << poses << " poses, " << features << " points, " << seed);
+      Dice dice(seed);
+      // Each map also holds variables that the other does not know.
+      const Values<D> all = random_values<D>(dice, ids(poses + 6), ids(features + 6));
+      std::vector<std::uint64_t> pose_a = ids(poses), pose_b = ids(poses);
+      std::vector<std::uint64_t> point_a = ids(features), point_b = ids(features);
+      for (int k = 0; k < 3; ++k) {
+        pose_a.push_back(static_cast<std::uint64_t>(poses + k));
+        pose_b.push_back(static_cast<std::uint64_t>(poses + 3 + k));
+        point_a.push_back(static_cast<std::uint64_t>(features + k));
+        point_b.push_back(static_cast<std::uint64_t>(features + 3 + k));
+      }
+      const Rigid<D> T = random_pose<D>(dice, 100.0);
+      const auto found =
+          align(part_of(all, pose_a, point_a), moved(part_of(all, pose_b, point_b), T.inverse()));
+      ASSERT_TRUE(found.has_value());
+      expect_same(*found, T);
+    }
+  }
+}
+
+TYPED_TEST(Align, FindsAHalfTurn) {
+  constexpr int D = TypeParam::value;
+  Dice dice(3);
+  for (int k = 0; k < 20; ++k) {
+    Rigid<D> T;
+    if constexpr (D == 2) {
+      T.R = -Mat<2, 2>::Identity();
+    } else {
+      const Eigen::Vector3d axis(dice.normal(), dice.normal(), dice.normal());
+      T.R = Eigen::AngleAxisd(3.141592653589793, axis.normalized()).toRotationMatrix();
+    }
+    const Values<D> x = random_values<D>(dice, ids(2), ids(4));
+    expect_same(align(x, moved(x, T)).value(), T.inverse());
+  }
+}
+
+TYPED_TEST(Align, RefusesWhatDoesNotFixTheMotion) {
+  constexpr int D = TypeParam::value;
+  Dice dice(4);
+  for (int round = 0; round < 20; ++round) {
+    const Rigid<D> T = random_pose<D>(dice, 1000.0);
+    const auto refuses = [&](const std::vector<Vec<D>>& at) {
+      return !align(points<D>(at), moved(points<D>(at), T)).has_value();
+    };
+    const Vec<D> p = random_point<D>(dice), q = random_point<D>(dice);
+    EXPECT_TRUE(refuses({}));
+    EXPECT_TRUE(refuses({p}));
+    EXPECT_TRUE(refuses({p, p, p}));
+    if constexpr (D == 3) {
+      EXPECT_TRUE(refuses({p, q}));
+      EXPECT_TRUE(refuses({p, q, Vec<D>(0.3 * p + 0.7 * q)}));
+      EXPECT_TRUE(refuses({p, q, Vec<D>(2.0 * p - q), Vec<D>(5.0 * q - 4.0 * p)}));
+      EXPECT_FALSE(refuses({p, q, random_point<D>(dice)}));
+    } else {
+      EXPECT_FALSE(refuses({p, q}));
+    }
+  }
+}
+
+TYPED_TEST(Align, RefusesMapsThatShareNothing) {
+  constexpr int D = TypeParam::value;
+  Dice dice(5);
+  EXPECT_FALSE(
+      align(random_values<D>(dice, ids(4), ids(4)), random_values<D>(dice, ids(4, 10), ids(4, 10)))
+          .has_value());
+  EXPECT_FALSE(align(Values<D>(), Values<D>()).has_value());
+}
+
+TYPED_TEST(Align, DoesNotJoinBySharedBiases) {
+  constexpr int D = TypeParam::value;
+  Dice dice(6);
+  const auto make = [&](int features) {
+    ValuesBuilder<D> builder;
+    for (std::uint64_t k = 0; k < 5; ++k)
+      builder.template add<BiasType<D>>({Tag("bias"), 0, k}, Vec<1>(1.0));
+    for (int k = 0; k < features; ++k)
+      builder.template add<PointType<D>>(point_key(static_cast<std::uint64_t>(k)),
+                                         random_point<D>(dice));
+    return std::move(builder).build();
+  };
+  EXPECT_FALSE(align(make(0), make(0)).has_value());
+  EXPECT_FALSE(align(make(D - 1), make(D - 1)).has_value());
+}
+
+TEST(AlignByWalls, ReturnsNoGuess) {
+  // Two walls and a point fix a frame, but walls take no part in the fit: whatever is returned must
+  // be right.
+  Dice dice(7);
+  for (int round = 0; round < 10; ++round) {
+    ValuesBuilder<2> builder;
+    builder.add<Point2>(point_key(0), random_point<2>(dice));
+    builder.add<Wall>({Tag("wall"), 0, 0}, {dice.uniform(-3, 3), 2.0});
+    builder.add<Wall>({Tag("wall"), 0, 1}, {dice.uniform(-3, 3), 5.0});
+    const Values<2> x = std::move(builder).build();
+    const Rigid2 T = random_pose<2>(dice);
+    const auto found = align(x, moved(x, T.inverse()));
+    if (found.has_value()) expect_same(*found, T);
+  }
+}
+
+/// What align minimises: positions, and orientations weighted by the mean squared spread of the
+/// positions in both maps.
+template <int D>
+double cost(const Values<D>& a, const Values<D>& b, const Rigid<D>& T) {
+  std::vector<Vec<D>> pa, pb;
+  double turn = 0.0;
+  for (int i = 0; i < a.size(); ++i) {
+    const Key key = a.variables().key(i);
+    if (key.type == Tag("pose")) {
+      pa.push_back(a.pose(key).t);
+      pb.push_back(b.pose(key).t);
+      turn += (a.pose(key).R - T.R * b.pose(key).R).squaredNorm();
+    } else {
+      pa.push_back(a.point(key));
+      pb.push_back(b.point(key));
+    }
+  }
+  double spread = 0.0, sum = 0.0;
+  for (const auto* points : {&pa, &pb}) {
+    Vec<D> mean = Vec<D>::Zero();
+    for (const auto& p : *points) mean += p / static_cast<double>(points->size());
+    for (const auto& p : *points) spread += (p - mean).squaredNorm();
+  }
+  spread /= static_cast<double>(pa.size());
+  for (std::size_t k = 0; k < pa.size(); ++k) sum += (pa[k] - T * pb[k]).squaredNorm();
+  return sum + (spread > 0.0 ? spread : 1.0) * turn;
+}
+
+TYPED_TEST(Align, IsTheBestFit) {
+  constexpr int D = TypeParam::value;
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+    SCOPED_TRACE(seed);
+    Dice dice(seed);
+    const double noise = seed % 3 == 0 ? 3.0 : 0.2;  // also where nothing really fits
+    const Values<D> a = random_values<D>(dice, ids(dice.below(4)), ids(D + dice.below(6)));
+    const Values<D> b = noisy(dice, moved(a, random_pose<D>(dice)), noise);
+    const auto found = align(a, b);
+    ASSERT_TRUE(found.has_value());
+    const double best = cost(a, b, *found);
+    EXPECT_NEAR(found->R.determinant(), 1.0, 1e-12) << "a rotation, not a reflection";
+    for (int k = 0; k < 200; ++k) {
+      const double size = std::pow(10.0, -dice.uniform(0, 6));
+      const Rigid<D> other = noisy<PoseType<D>>(dice, *found, size);
+      EXPECT_GE(cost(a, b, other), best * (1.0 - 1e-12));
+    }
+  }
+}
+
+TYPED_TEST(Align, DoesNotDependOnUnits) {
+  constexpr int D = TypeParam::value;
+  const auto scaled = [](Values<D> x, double scale) {
+    for (int i = 0; i < x.size(); ++i) {
+      const Key key = x.variables().key(i);
+      if (key.type == Tag("pose")) {
+        Rigid<D> pose = x.pose(key);
+        pose.t *= scale;
+        x.template set<PoseType<D>>(i, pose);
+      } else {
+        x.template set<PointType<D>>(i, Vec<D>(scale * x.point(key)));
+      }
+    }
+    return x;
+  };
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    Dice dice(seed);
+    const Values<D> a = random_values<D>(dice, ids(3), ids(5));
+    const Values<D> b = noisy(dice, moved(a, random_pose<D>(dice)), 0.3);
+    const Rigid<D> metres = align(a, b).value();
+    for (const double scale : {1e-6, 1e-3, 1e3, 1e6}) {
+      const auto found = align(scaled(a, scale), scaled(b, scale));
+      ASSERT_TRUE(found.has_value()) << scale;
+      EXPECT_LT(distance(found->R, metres.R), 1e-10) << scale;
+      EXPECT_LT(distance(Vec<D>(found->t / scale), metres.t), 1e-9) << scale;
+    }
+  }
+}
+
+TYPED_TEST(Align, RefusesTheSameShapesInAnyUnit) {
+  constexpr int D = TypeParam::value;
+  Dice dice(8);
+  for (const double scale : {1e-6, 1e-3, 1.0, 1e3, 1e6}) {
+    std::vector<Vec<D>> line;
+    const Vec<D> p = random_point<D>(dice, scale), q = random_point<D>(dice, scale);
+    if constexpr (D == 3) line = {p, q, Vec<D>(0.5 * (p + q)), Vec<D>(2.0 * p - q)};
+    if constexpr (D == 2) line = {p, p};
+    EXPECT_FALSE(align(points<D>(line), points<D>(line)).has_value()) << scale;
+    if constexpr (D == 2) line = {p, q};
+    if constexpr (D == 3) line.push_back(random_point<D>(dice, scale));
+    EXPECT_TRUE(align(points<D>(line), points<D>(line)).has_value()) << scale;
+  }
+}
+
+TYPED_TEST(Align, IsUndisturbedByGreatDistances) {
+  constexpr int D = TypeParam::value;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    Dice dice(seed);
+    const Values<D> near = random_values<D>(dice, {}, ids(D + 3));
+    Rigid<D> far;
+    far.t.setConstant(1e6);
+    const Rigid<D> T = random_pose<D>(dice);
+    const auto found = align(moved(near, far), moved(near, T));
+    ASSERT_TRUE(found.has_value());
+    EXPECT_LT(distance(found->R, (far * T.inverse()).R), 1e-9);
+  }
+}
+
+}  // namespace
+}  // namespace mapjoin

@@ -1,0 +1,411 @@
+// Joining what falls apart, what is not determined, what was joined before, what is cancelled, and
+// what is long.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <pthread.h>
+
+#include <algorithm>
+#include <span>
+#include <vector>
+
+#include "mapjoin/frames/change_frame.h"
+#include "mapjoin/frames/local_map.h"
+#include "mapjoin/joining/join_all.h"
+#include "tests/support/ceres_reference.h"
+#include "tests/support/random_maps.h"
+#include "tests/support/user_types.h"
+
+namespace mapjoin {
+namespace {
+
+using namespace test;  // NOLINT
+using ::testing::HasSubstr;
+
+template <class T>
+class JoinAll : public ::testing::Test {};
+using Dimensions = ::testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 3>>;
+TYPED_TEST_SUITE(JoinAll, Dimensions);
+
+const Mode kModes[] = {Mode::kPaper, Mode::kSummary, Mode::kObserve, Mode::kOptimal};
+
+JoinOptions small_leaves(Mode mode = Mode::kOptimal) {
+  JoinOptions out;
+  out.mode = mode;
+  out.leaf_variables = 10;
+  out.arity = 4;
+  return out;
+}
+
+/// A graph with every id raised, or in another session.
+template <int D>
+MeasurementGraph<D> shifted(const MeasurementGraph<D>& graph, std::uint64_t by,
+                            std::uint32_t session = 0) {
+  const auto name = [&](int v) {
+    Key key = graph.variables.key(v);
+    key.id += by;
+    key.session = session;
+    return key;
+  };
+  MeasurementGraphBuilder<D> builder;
+  for (const auto& c : graph.relative) {
+    for (std::size_t k = 0; k < c.size(); ++k) {
+      builder.add(*c.kind, name(c.from[k]), name(c.to[k]),
+                  c.z.data() + k * static_cast<std::size_t>(c.kind->value_size),
+                  c.info.data() + k * static_cast<std::size_t>(c.kind->dim * c.kind->dim));
+    }
+  }
+  return std::move(builder).build();
+}
+
+template <int D>
+MeasurementGraph<D> both(const MeasurementGraph<D>& a, const MeasurementGraph<D>& b) {
+  MeasurementGraphBuilder<D> builder;
+  builder.add(a);
+  builder.add(b);
+  return std::move(builder).build();
+}
+
+template <int D>
+void link(MeasurementGraphBuilder<D>& builder, const Key& from, const Key& to, const Rigid<D>& z) {
+  constexpr int G = kGauge<D>;
+  builder.template add<PoseType<D>>(from, to, z, 100.0 * Mat<G, G>::Identity());
+}
+
+TYPED_TEST(JoinAll, ReturnsThePiecesOfDisconnectedData) {
+  constexpr int D = TypeParam::value;
+  Dice dice(1);
+  const auto one = random_graph<D>(dice, {.poses = 40, .points = 20}).graph;
+  const auto two = shifted(random_graph<D>(dice, {.poses = 50, .points = 10}).graph, 1000);
+  const auto three = shifted(random_graph<D>(dice, {.poses = 5, .points = 2}).graph, 500);
+  const auto graph = both(both(two, one), three);
+  for (const Mode mode : kModes) {
+    const JoinResult<D> result = join_all(graph, small_leaves(mode));
+    ASSERT_EQ(result.maps.size(), 3U);
+    EXPECT_EQ(result.report.components, 3);
+    const std::uint64_t lowest[] = {0, 500, 1000};
+    double sum = 0.0;
+    for (std::size_t m = 0; m < 3; ++m) {
+      EXPECT_EQ(result.maps[m].anchor, pose_anchor<D>(pose_key(lowest[m])));
+      const auto& part = m == 0 ? one : m == 1 ? three : two;
+      EXPECT_EQ(result.maps[m].variables(), part.variables);
+      const JoinResult<D> alone = join_all(part, small_leaves(mode));
+      sum += alone.report.chi2;
+      if (mode == Mode::kOptimal) {
+        EXPECT_LT(distance(result.maps[m].values, alone.maps.at(0).values), 1e-4);
+        EXPECT_EQ(result.maps[m].observations->size(), part.size());
+      }
+    }
+    if (mode == Mode::kOptimal) {
+      EXPECT_NEAR(result.report.chi2, sum, 1e-6 * sum);
+    }
+  }
+}
+
+TYPED_TEST(JoinAll, NeverLinksWhatOneFeatureTouches) {
+  // Two recordings that saw one and the same feature: that is connected, and yet not rigid.
+  constexpr int D = TypeParam::value;
+  Dice dice(2);
+  const auto one = random_graph<D>(dice, {.poses = 30, .points = 10}).graph;
+  MeasurementGraphBuilder<D> builder;
+  builder.add(one);
+  builder.add(shifted(random_graph<D>(dice, {.poses = 30, .points = 10}).graph, 1000));
+  const Mat<D, D> I = 100.0 * Mat<D, D>::Identity();
+  builder.template add<PointType<D>>(pose_key(3), point_key(5000), random_point<D>(dice), I);
+  builder.template add<PointType<D>>(pose_key(1003), point_key(5000), random_point<D>(dice), I);
+  const auto graph = std::move(builder).build();
+  for (const Mode mode : {Mode::kSummary, Mode::kObserve, Mode::kOptimal}) {
+    const JoinResult<D> result = join_all(graph, small_leaves(mode));
+    ASSERT_EQ(result.maps.size(), 2U);
+    EXPECT_EQ(result.maps[0].anchor, pose_anchor<D>(pose_key(0)));
+    EXPECT_EQ(result.maps[1].anchor, pose_anchor<D>(pose_key(1000)));
+    EXPECT_TRUE(result.maps[0].values.contains(point_key(5000)));
+    EXPECT_TRUE(result.maps[1].values.contains(point_key(5000)));
+  }
+}
+
+TYPED_TEST(JoinAll, NamesAVariableThatIsNotDetermined) {
+  constexpr int D = TypeParam::value;
+  Dice dice(3);
+  const auto base = random_graph<D>(dice, {.poses = 40, .points = 10}).graph;
+  for (const Mode mode : {Mode::kObserve, Mode::kOptimal}) {
+    MeasurementGraphBuilder<D> builder;
+    builder.add(base);
+    Mat<D, D> blind = 100.0 * Mat<D, D>::Identity();
+    blind(D - 1, D - 1) = 0.0;
+    builder.template add<PointType<D>>(pose_key(7), point_key(777), Vec<D>::Ones(), blind);
+    EXPECT_THAT(complaint_of<SingularError>(
+                    [&] { (void)join_all(std::move(builder).build(), small_leaves(mode)); }),
+                HasSubstr("point:777"));
+    constexpr int G = kGauge<D>;
+    MeasurementGraphBuilder<D> other;
+    other.add(base);
+    Mat<G, G> position = Mat<G, G>::Zero();
+    position.template topLeftCorner<D, D>().setIdentity();
+    Rigid<D> z;
+    z.t.setOnes();
+    other.template add<PoseType<D>>(pose_key(7), pose_key(888), z, position);
+    EXPECT_THAT(complaint_of<SingularError>(
+                    [&] { (void)join_all(std::move(other).build(), small_leaves(mode)); }),
+                HasSubstr("pose:888"));
+  }
+}
+
+TYPED_TEST(JoinAll, TakesSemidefiniteMeasurementsThatTogetherDetermine) {
+  // Features of which every pose sees one direction only, and edges that know only the position or
+  // only the orientation: no leaf of the tree is determined by itself.
+  constexpr int D = TypeParam::value;
+  constexpr int G = kGauge<D>;
+  for (const Mode mode : {Mode::kObserve, Mode::kOptimal}) {
+    Dice dice(4);
+    const auto sample = random_graph<D>(dice, {.poses = 60, .points = 0, .noise = 0.01});
+    MeasurementGraphBuilder<D> builder;
+    builder.add(sample.graph);
+    ValuesBuilder<D> truth;
+    for (std::uint64_t k = 0; k < 60; ++k)
+      truth.template add<PoseType<D>>(pose_key(k), sample.truth.pose(pose_key(k)));
+    for (std::uint64_t p = 0; p < 20; ++p) {
+      const Vec<D> x = sample.truth.pose(pose_key(3 * p)) * random_point<D>(dice, 3.0);
+      truth.template add<PointType<D>>(point_key(p), x);
+      for (int s = 0; s < 2 * D; ++s) {
+        const auto from = pose_key((3 * p + 11 * static_cast<std::uint64_t>(s)) % 60);
+        const Mat<D, D> I = dice.semidefinite(D, 1, 100.0);
+        builder.template add<PointType<D>>(from, point_key(p),
+                                           Vec<D>(sample.truth.pose(from).inverse() * x), I);
+      }
+    }
+    for (const bool position : {true, false}) {
+      Mat<G, G> I = Mat<G, G>::Zero();
+      I.template topLeftCorner<D, D>().setConstant(0.0);
+      for (int k = 0; k < G; ++k) I(k, k) = (k < D) == position ? 100.0 : 0.0;
+      const Rigid<D> step = random_pose<D>(dice);
+      const auto from = pose_key(position ? 5 : 55);
+      Rigid<D> z = sample.truth.pose(from).inverse() * sample.truth.pose(pose_key(0)) * step;
+      builder.template add<PoseType<D>>(from, pose_key(600), z, I);
+      if (position)
+        truth.template add<PoseType<D>>(pose_key(600), sample.truth.pose(pose_key(0)) * step);
+    }
+    const auto graph = std::move(builder).build();
+    Values<D> start = std::move(truth).build();
+    start.transform(start.pose(pose_key(0)).inverse());
+    const CeresReference<D> reference(graph);
+    const Values<D> best = reference.minimise(start, pose_key(0));
+    try {
+      const JoinResult<D> result = join_all(graph, small_leaves(mode));
+      ASSERT_EQ(result.maps.size(), 1U);
+      if (mode == Mode::kOptimal) {
+        EXPECT_NEAR(result.report.chi2, reference.chi2(best), 1e-6 * reference.chi2(best));
+        EXPECT_LT(distance(result.maps[0].values, best), 1e-4);
+      }
+    } catch (const SingularError& error) {
+      ADD_FAILURE() << error.what();
+    }
+  }
+}
+
+TYPED_TEST(JoinAll, StopsWhenItsCallbackSaysSo) {
+  constexpr int D = TypeParam::value;
+  Dice dice(5);
+  const auto graph = random_graph<D>(dice, {.poses = 60, .points = 20}).graph;
+  for (const Mode mode : kModes) {
+    JoinOptions options = small_leaves(mode);
+    double last = 0.0;
+    int calls = 0;
+    options.progress = [&](const Progress& progress) {
+      ++calls;
+      if (progress.phase == "join") {
+        EXPECT_GE(progress.fraction, last);
+        last = progress.fraction;
+      }
+      EXPECT_GE(progress.fraction, 0.0);
+      EXPECT_LE(progress.fraction, 1.0);
+      return true;
+    };
+    EXPECT_NO_THROW((void)join_all(graph, options));
+    EXPECT_GT(calls, 0);
+    for (int stop = 1; stop <= calls; ++stop) {
+      int call = 0;
+      options.progress = [&](const Progress&) { return ++call < stop; };
+      EXPECT_THROW((void)join_all(graph, options), CancelledError);
+      EXPECT_EQ(call, stop) << "it went on after it was told to stop";
+    }
+  }
+}
+
+TYPED_TEST(JoinAll, RefusesEmptyInputAndSenselessOptions) {
+  constexpr int D = TypeParam::value;
+  Dice dice(6);
+  EXPECT_THROW((void)join_all(MeasurementGraph<D>()), InputError);
+  EXPECT_THROW((void)join_all<D>(std::span<const LocalMap<D>>()), InputError);
+  EXPECT_THROW((void)join_all<D>(std::span<const Map<D>>(), MeasurementGraph<D>()), InputError);
+  const auto graph = random_graph<D>(dice, {.poses = 4, .points = 2}).graph;
+  for (int option = 0; option < 4; ++option) {
+    JoinOptions options;
+    (option == 0   ? options.threads
+     : option == 1 ? options.leaf_variables
+     : option == 2 ? options.arity
+                   : options.max_refine_solves) = 0;
+    EXPECT_THROW((void)join_all(graph, options), InputError) << option;
+  }
+}
+
+TYPED_TEST(JoinAll, JoinsTwoSessionsByTheLinksBetweenThem) {
+  constexpr int D = TypeParam::value;
+  Dice dice(7);
+  // One world; poses below 30 and from 30 on in recordings of their own, both counted from 0.
+  const auto sample =
+      random_graph<D>(dice, {.poses = 60, .points = 20, .closures = 40, .noise = 0.03});
+  const auto name = [](const Key& key) {
+    Key out = key;
+    if (key.type == Tag("pose") && key.id >= 30) out = pose_key(key.id - 30, 1);
+    return out;
+  };
+  MeasurementGraphBuilder<D> builders[4];  // first, second, links, all
+  for (const auto& c : sample.graph.relative) {
+    for (std::size_t k = 0; k < c.size(); ++k) {
+      const Key from = name(sample.graph.variables.key(c.from[k]));
+      const Key to = name(sample.graph.variables.key(c.to[k]));
+      const bool pose = to.type == Tag("pose");
+      const std::size_t part = pose && from.session != to.session ? 2 : from.session;
+      for (const std::size_t b : {part, std::size_t{3}}) {
+        builders[b].add(*c.kind, from, to,
+                        c.z.data() + k * static_cast<std::size_t>(c.kind->value_size),
+                        c.info.data() + k * static_cast<std::size_t>(c.kind->dim * c.kind->dim));
+      }
+    }
+  }
+  const auto links = std::move(builders[2]).build();
+  const auto all = std::move(builders[3]).build();
+  ASSERT_GT(links.size(), 3U);
+  std::vector<Map<D>> maps;
+  for (const int b : {0, 1}) {
+    const auto part = std::move(builders[b]).build();
+    maps.push_back(join_all(part, small_leaves()).maps.at(0));
+  }
+  const JoinResult<D> joined = join_all<D>(std::span<const Map<D>>(maps), links, small_leaves());
+  const JoinResult<D> whole = join_all(all, small_leaves());
+  ASSERT_EQ(joined.maps.size(), 1U);
+  EXPECT_EQ(joined.maps[0].variables(), all.variables);
+  EXPECT_NEAR(joined.report.chi2, whole.report.chi2, 1e-6 * whole.report.chi2);
+  EXPECT_LT(distance(joined.maps[0].values, whole.maps.at(0).values), 1e-4);
+  // By summaries alone: near, and judged by what it was given.
+  const JoinResult<D> summary =
+      join_all<D>(std::span<const Map<D>>(maps), links, small_leaves(Mode::kSummary));
+  ASSERT_EQ(summary.maps.size(), 1U);
+  EXPECT_LT(distance(summary.maps[0].values, whole.maps.at(0).values), 0.3);
+  // And without links the sessions stay apart, though features may be shared by key.
+  EXPECT_EQ(maps[0].values.contains(pose_key(0, 1)), false);
+}
+
+TYPED_TEST(JoinAll, JoinsFinishedMapsThatForgotTheirObservations) {
+  constexpr int D = TypeParam::value;
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    SCOPED_TRACE(seed);
+    Dice dice(seed);
+    const Values<D> all = random_values<D>(dice, ids(12), ids(10));
+    std::vector<Map<D>> maps;
+    CeresReference<D> reference;
+    for (std::uint64_t k = 0; k < 3; ++k) {
+      const Values<D> x = noisy(dice, part_of(all, ids(5, 3 * k), ids(5, 2 * k)), 0.02);
+      maps.push_back(map_of(dice, x, pose_anchor<D>(pose_key(3 * k + 2)), 100.0));
+      reference.add(as_local_map(maps.back()));
+    }
+    maps[1] = change_frame(maps[1], pose_anchor<D>(pose_key(4)));  // solved in pose 5 all the same
+    const JoinResult<D> result = join_all<D>(std::span<const Map<D>>(maps), {}, small_leaves());
+    Values<D> start = part_of(all, ids(11), ids(9));
+    start.transform(start.pose(pose_key(0)).inverse());
+    const Values<D> best = reference.minimise(start, pose_key(0));
+    ASSERT_EQ(result.maps.size(), 1U);
+    EXPECT_NEAR(result.report.chi2, reference.chi2(best), 1e-6 * reference.chi2(best));
+    EXPECT_LT(distance(result.maps[0].values, best), 1e-4);
+    EXPECT_THAT(result.report.notes, ::testing::Contains(HasSubstr("3 of 3 maps")));
+  }
+}
+
+TEST(JoinAllOf, MapsInFramesOfFeatures) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    SCOPED_TRACE(seed);
+    Dice dice(seed);
+    const Values<2> all = random_values<2>(dice, ids(6), ids(8));
+    std::vector<Map<2>> maps;
+    for (std::uint64_t k = 0; k < 2; ++k)
+      maps.push_back(
+          map_of<2>(dice, part_of(all, ids(3, 3 * k), ids(6, 2 * k)), two_points(2 + k, 4 + k)));
+    Values<2> truth = all;
+    truth.transform(truth.pose(pose_key(0)).inverse());
+    for (const Mode mode : {Mode::kSummary, Mode::kObserve, Mode::kOptimal}) {
+      const JoinResult<2> result =
+          join_all<2>(std::span<const Map<2>>(maps), {}, small_leaves(mode));
+      ASSERT_EQ(result.maps.size(), 1U);
+      ASSERT_EQ(result.maps[0].variables(), truth.variables());
+      EXPECT_LT(distance(result.maps[0].values, truth), 1e-8);
+    }
+  }
+}
+
+TEST(JoinAllOf, VariablesOfAUsersTypes) {
+  Dice dice(9);
+  const auto sample = random_graph<2>(dice, {.poses = 40, .points = 5, .noise = 0.0});
+  MeasurementGraphBuilder<2> builder;
+  builder.add(sample.graph);
+  const auto key = [](const char* type, std::uint64_t id) { return Key{Tag(type), 0, id}; };
+  std::vector<Wall::Value<double>> walls;
+  for (std::uint64_t w = 0; w < 6; ++w) {
+    walls.push_back({dice.uniform(-3, 3), dice.uniform(-9, 9)});
+    for (std::uint64_t from = w; from < 40; from += 7) {
+      const auto z =
+          Wall::transform<double>(sample.truth.pose(pose_key(from)).inverse(), walls.back());
+      builder.add<Wall>(pose_key(from), key("wall", w), z, dice.definite(2));
+    }
+  }
+  builder.add<BiasType<2>>(pose_key(4), key("bias", 1), Vec<1>(0.25), Mat<1, 1>(4.0));
+  const auto graph = std::move(builder).build();
+  for (const Mode mode : kModes) {
+    const Map<2> map = join_all(graph, small_leaves(mode)).maps.at(0);
+    const Rigid2 T = sample.truth.pose(pose_key(0)).inverse();
+    for (std::uint64_t w = 0; w < 6; ++w) {
+      const auto expected = Wall::transform<double>(T, walls[w]);
+      const auto found = map.values.at<Wall>(key("wall", w));
+      EXPECT_LT(Wall::local<double>(expected, found).norm(), 1e-8);
+    }
+    EXPECT_NEAR(map.values.at<BiasType<2>>(key("bias", 1))(0), 0.25, 1e-12);
+  }
+}
+
+TEST(JoinAllOf, AChainOf200000PosesWithoutDeepRecursion) {
+  constexpr int kPoses = 200000;
+  MeasurementGraphBuilder<2> builder;
+  builder.reserve(kind_of<Pose2>(), kPoses);
+  const Rigid2 step = rigid2(1.0, 0.0, 6.283185307179586 / 1000);
+  Rigid2 end;
+  for (std::uint64_t k = 1; k < kPoses; ++k) {
+    link<2>(builder, pose_key(k - 1), pose_key(k), step);
+    end = end * step;
+  }
+  const MeasurementGraph<2> graph = std::move(builder).build();
+  struct Run {
+    const MeasurementGraph<2>& graph;
+    JoinResult<2> result;
+  } run{graph, {}};
+  // On a thread that has hardly a stack.
+  pthread_attr_t small;
+  pthread_attr_init(&small);
+  ASSERT_EQ(pthread_attr_setstacksize(&small, 512 * 1024), 0);
+  pthread_t thread{};
+  const auto body = [](void* argument) -> void* {
+    auto& job = *static_cast<Run*>(argument);
+    JoinOptions options;
+    options.information = false;
+    job.result = join_all(job.graph, options);
+    return nullptr;
+  };
+  ASSERT_EQ(pthread_create(&thread, &small, body, &run), 0);
+  pthread_join(thread, nullptr);
+  pthread_attr_destroy(&small);
+  ASSERT_EQ(run.result.maps.size(), 1U);
+  EXPECT_LT(run.result.report.chi2, 1e-6);
+  EXPECT_LT(distance(run.result.maps[0].values.pose(pose_key(kPoses - 1)).t, end.t), 1e-3);
+}
+
+}  // namespace
+}  // namespace mapjoin
