@@ -19,6 +19,7 @@ std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 constexpr double kTrust = 1.1;
 constexpr int kMostSolves = 8;
 constexpr int kMostHalvings = 10;
+constexpr double kNothing = 1e-14;  // of chi2: what an exact fit leaves
 
 /// A cut of the elimination tree: the fronts first .. root are a subtree.
 struct Cut {
@@ -216,7 +217,7 @@ class EliminationWalk {
         retract(graph_.variables, piece, std::span<const double>(d.data(), at(d.size())));
         chi2 = system_->subtree_chi2(cut.first, cut.root, piece, desk.places, desk.scratch);
       }
-      if (chi2 <= kTrust * promised + 1e-9 * step->chi2) return true;
+      if (chi2 <= kTrust * promised + 1e-9 * step->chi2 + kNothing) return true;
       if (solves == 1) ++desk.redone;
     }
     return true;
@@ -239,7 +240,7 @@ class EliminationWalk {
       for (Piece<D>& piece : pieces) {
         if (whole && solve_on_fronts(cut, piece, desk)) continue;
         ObservationSystem<D> system(graph_, piece, rank(), desk.places);
-        linear_step(graph_, piece, system, desk.scratch.cholesky, desk.alone);
+        linear_step_if_determined(graph_, piece, system, desk.scratch.cholesky, desk.alone);
       }
     }
     results_[at(number)] = std::move(pieces);

@@ -148,6 +148,7 @@ Map<D> join_as_published(const Map<D>& a, const Map<D>& b, const Key& common_pos
 
 template <int D>
 Map<D> to_map(const LocalMap<D>& local_map) {
+  if (local_map.keys.empty()) throw InputError("the local map is empty: there is nothing in it");
   MeasurementGraphBuilder<D> builder;
   builder.add(local_map);
   JoinOptions options;

@@ -57,7 +57,7 @@ JoinedPieces<D> join_pieces(const MeasurementGraph<D>& graph, std::span<const Ke
     return elimination_join(graph, options, pool, report);
   }
   const JoinTree tree = make_tree(graph, order, options);
-  report.joins = tree.nodes();
+  report.joins = tree.joins();
   return {observing_join(graph, tree, options, pool, report), nullptr};
 }
 

@@ -108,11 +108,12 @@ class LeafGrower {
   double* value(int k) { return value_of(all_, scratch_, k); }
   Rigid<D>& pose(int k) { return *reinterpret_cast<Rigid<D>*>(value(k)); }
 
-  /// Sets variable k from its value z in the frame of T, unless the growing piece has it.
-  void put(int k, const Rigid<D>& T, const double* z, int stamp) {
+  /// Sets variable k from its value z in the frame of T, unless the growing piece has it. A pose of
+  /// an earlier piece grows there, and is only in this one when that stands `alone`.
+  void put(int k, const Rigid<D>& T, const double* z, int stamp, bool alone = false) {
     if (stamp_[index(k)] == stamp) return;
     const int c = all_.column_of(scratch_.variables[index(k)]);
-    if (c == pose_column_ && stamp_[index(k)] >= 0) return;
+    if (c == pose_column_ && stamp_[index(k)] >= 0 && !alone) return;
     const VariableKind<D>& kind = *all_.column(c).kind;
     double* const x = value(k);
     std::memcpy(x, z, static_cast<std::size_t>(kind.value_size) * sizeof(double));
@@ -185,14 +186,14 @@ class LeafGrower {
     const auto& maps = graph_.submaps;
     for (auto t = maps.term_start[at.row]; t < maps.term_start[at.row + 1]; ++t) {
       put(places_[maps.term_variable[index(t)]], Rigid<D>(),
-          maps.values.data() + maps.term_value[index(t)], stamp);
+          maps.values.data() + maps.term_value[index(t)], stamp, true);
     }
     for (auto a = maps.anchor_start[at.row]; a < maps.anchor_start[at.row + 1]; ++a) {
       const int k = places_[maps.anchor_variables[index(a)]];
       const std::vector<double> origin(index(all_.kind(scratch_.variables[index(k)]).value_size),
                                        0.0);
-      put(k, Rigid<D>(), origin.data(),
-          stamp);  // pinned variables that are no terms: points at the origin
+      put(k, Rigid<D>(), origin.data(), stamp,
+          true);  // pinned variables that are no terms: points at the origin
     }
     return extract({observations_[o]});
   }

@@ -73,7 +73,13 @@ class TreeWalk {
     for (Piece<D>& piece : pieces) {
       ObservationSystem<D> system(graph_, piece, rank_, desk.places);
       const int solves = root ? report_.root_solves : report_.solves_per_join;
-      for (int s = 0; s < solves; ++s) linear_step(graph_, piece, system, desk.cholesky, pool);
+      for (int s = 0; s < solves; ++s) {
+        if (root) {
+          linear_step(graph_, piece, system, desk.cholesky, pool);
+        } else {
+          linear_step_if_determined(graph_, piece, system, desk.cholesky, pool);
+        }
+      }
     }
     results_[static_cast<std::size_t>(node)] = std::move(pieces);
   }

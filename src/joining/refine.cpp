@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "mapjoin/graph/error.h"
 
 namespace mapjoin {
@@ -41,10 +43,21 @@ typename ObservationSystem<D>::Step linear_step(const MeasurementGraph<D>& graph
 }
 
 template <int D>
+void linear_step_if_determined(const MeasurementGraph<D>& graph, Piece<D>& piece,
+                               ObservationSystem<D>& system, FrontalCholesky& cholesky,
+                               WorkerPool& pool) {
+  Eigen::VectorXd d;
+  if (!system.solve(piece, cholesky, pool, d).ok() || !d.allFinite()) return;
+  retract(graph.variables, piece,
+          std::span<const double>(d.data(), static_cast<std::size_t>(d.size())));
+}
+
+template <int D>
 RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, ObservationSystem<D>& system,
                     FrontalCholesky& cholesky, WorkerPool& pool, int most_solves, double tolerance,
                     const ProgressCallback& progress) {
   constexpr int kHalvings = 30;
+  constexpr double kRounding = 1e-14;  // of chi2: an exact fit ends at rounding errors
   RefineResult result;
   Eigen::VectorXd d;
   std::vector<std::vector<double>> before;
@@ -54,6 +67,7 @@ RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, Observati
     }
     const auto step = solve(graph, piece, system, cholesky, pool, d);
     ++result.solves;
+    const bool last = step.predicted_decrease <= std::max(tolerance * step.chi2, kRounding);
     before = piece.data;
     double length = 1.0;
     for (int halving = 0;; ++halving) {
@@ -64,12 +78,12 @@ RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, Observati
       piece.data = before;
       result.chi2 = step.chi2;
       // At the rounding level of chi2 nothing is left to gain.
-      if (halving == kHalvings || step.predicted_decrease <= tolerance * step.chi2) break;
+      if (halving == kHalvings || last) break;
       length *= 0.5;
       d *= 0.5;
       if (halving == 0) ++result.shortened;
     }
-    if (step.predicted_decrease <= tolerance * step.chi2 || step.chi2 == 0.0) {
+    if (last) {
       result.minimum = true;
       break;
     }
@@ -84,7 +98,10 @@ RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, Observati
                                   const ProgressCallback&);                                     \
   template ObservationSystem<D>::Step linear_step<D>(const MeasurementGraph<D>&, Piece<D>&,     \
                                                      ObservationSystem<D>&, FrontalCholesky&,   \
-                                                     WorkerPool&);
+                                                     WorkerPool&);                              \
+  template void linear_step_if_determined<D>(const MeasurementGraph<D>&, Piece<D>&,             \
+                                             ObservationSystem<D>&, FrontalCholesky&,           \
+                                             WorkerPool&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)
 #undef MAPJOIN_INSTANTIATE

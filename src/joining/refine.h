@@ -34,4 +34,12 @@ typename ObservationSystem<D>::Step linear_step(const MeasurementGraph<D>& graph
                                                 ObservationSystem<D>& system,
                                                 FrontalCholesky& cholesky, WorkerPool& pool);
 
+/// The same below the root of a tree: a piece that its own observations do not determine stays as
+/// it was placed. Measurements may be semidefinite, and those of other pieces can say the rest; the
+/// root tells if none do.
+template <int D>
+void linear_step_if_determined(const MeasurementGraph<D>& graph, Piece<D>& piece,
+                               ObservationSystem<D>& system, FrontalCholesky& cholesky,
+                               WorkerPool& pool);
+
 }  // namespace mapjoin

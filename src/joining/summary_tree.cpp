@@ -140,7 +140,7 @@ class SummaryWalk {
     if (options_.mode == Mode::kPaper) {
       join_pairs(result);
     } else {
-      join_group(result, desk);
+      join_group(result, desk, node + 1 == tree_.nodes());
     }
   }
 
@@ -159,11 +159,11 @@ class SummaryWalk {
     }
   }
 
-  void join_group(std::vector<Started<D>>& maps, SummaryDesk& desk) const {
+  void join_group(std::vector<Started<D>>& maps, SummaryDesk& desk, bool root) const {
     std::vector<Summary<D>> summaries;
     for (Started<D>& map : maps) summaries.push_back(std::move(map.summary));
     maps.clear();
-    const int solves = std::max(1, options_.root_solves);
+    const int solves = root ? std::max(1, options_.root_solves) : 1;
     for (Summary<D>& joined : join_summaries(all_, std::move(summaries), solves, desk.places)) {
       maps.push_back({std::move(joined), -1});
     }
