@@ -40,8 +40,6 @@ ObservationSystem<D>::ObservationSystem(const MeasurementGraph<D>& graph, const 
 
 template <int D>
 void ObservationSystem<D>::plan(const Piece<D>& piece, std::span<const std::int32_t> rank) {
-  hold_gauge(piece);
-
   const Cliques view{cliques_.start, cliques_.variables};
   std::vector<std::int32_t> order;
   if (rank.empty()) {
