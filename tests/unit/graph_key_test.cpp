@@ -88,7 +88,7 @@ TEST(Tag, GivesItsTextBack) {
 }
 
 TEST(Tag, HasOneToEightCharacters) {
-  EXPECT_THROW(Tag(std::string()), InputError);
+  EXPECT_THROW(Tag{std::string()}, InputError);
   EXPECT_THROW(Tag(std::string("ninechars")), InputError);
 }
 
