@@ -158,7 +158,7 @@ class EliminationWalk {
     if (out.pieces.size() > 1)
       out.pieces = place(graph_.variables, std::move(out.pieces), desks_[0]->places);
     for (Piece<D>& piece : out.pieces) {
-      if (piece.size() == graph_.variables.size()) {
+      if (out.pieces.size() == 1 && piece.size() == graph_.variables.size()) {
         std::sort(piece.observations.begin(), piece.observations.end());
         for (int s = 0; s < report_.root_solves; ++s) {
           linear_step(graph_, piece, *system_, desks_[0]->scratch.cholesky, pool_);
