@@ -109,29 +109,81 @@ JoinTree sequential_tree(std::span<const std::vector<std::int64_t>> local_maps) 
 
 namespace {
 
-/// Edges between an anchor's first variable and everything seen from it: sparser than cliques, and
-/// as connected.
+/// Edges between an anchor's first variable and everything seen from it, sparser than cliques and
+/// as connected, with the trace of their information.
+struct StarEdges {
+  CliqueList ends;
+  std::vector<double> stiffness;
+};
+
 template <int D>
-CliqueList star_edges(const MeasurementGraph<D>& graph) {
-  CliqueList out;
-  const auto add = [&](std::int32_t a, std::int32_t b) {
+StarEdges star_edges(const MeasurementGraph<D>& graph) {
+  StarEdges out;
+  const auto add = [&](std::int32_t a, std::int32_t b, double stiffness) {
     if (a == b) return;
-    out.variables.push_back(a);
-    out.variables.push_back(b);
-    out.start.push_back(static_cast<std::int64_t>(out.variables.size()));
+    out.ends.variables.push_back(a);
+    out.ends.variables.push_back(b);
+    out.ends.start.push_back(static_cast<std::int64_t>(out.ends.variables.size()));
+    out.stiffness.push_back(stiffness);
+  };
+  const auto trace = [](const double* block, int dim) {
+    double sum = 0.0;
+    for (int k = 0; k < dim; ++k) sum += block[k * (dim + 1)];
+    return sum;
   };
   for (const auto& column : graph.relative) {
-    for (std::size_t k = 0; k < column.size(); ++k) add(column.from[k], column.to[k]);
+    const int dim = column.kind->dim;
+    for (std::size_t k = 0; k < column.size(); ++k)
+      add(column.from[k], column.to[k], trace(&column.info[k * at(dim * dim)], dim));
   }
   const auto& maps = graph.submaps;
+  std::vector<double> diagonal;
   for (std::size_t k = 0; k < maps.size(); ++k) {
     const std::int32_t anchor = maps.anchor_variables[at(maps.anchor_start[k])];
     for (auto a = maps.anchor_start[k] + 1; a < maps.anchor_start[k + 1]; ++a)
-      add(anchor, maps.anchor_variables[at(a)]);
+      add(anchor, maps.anchor_variables[at(a)], 0.0);
+    diagonal.assign(at(maps.term_start[k + 1] - maps.term_start[k]), 0.0);
+    for (auto b = maps.block_start[k]; b < maps.block_start[k + 1]; ++b) {
+      if (maps.block_row[at(b)] != maps.block_column[at(b)]) continue;
+      const auto term = maps.block_row[at(b)];
+      const std::int32_t v = maps.term_variable[at(maps.term_start[k] + term)];
+      diagonal[at(term)] +=
+          trace(&maps.information[at(maps.block_value[at(b)])], graph.variables.dim(v));
+    }
     for (auto t = maps.term_start[k]; t < maps.term_start[k + 1]; ++t)
-      add(anchor, maps.term_variable[at(t)]);
+      add(anchor, maps.term_variable[at(t)], diagonal[at(t - maps.term_start[k])]);
   }
   return out;
+}
+
+/// What cutting an edge of `blocks` (rows ascending) costs METIS: the square root of its
+/// information, the median being 4, from 1 to 100.
+///
+/// Maps that stiff edges hold together should be joined early: a summary that was closed while a
+/// stiff neighbour was still missing carries what it learns later far from where it was linearised
+/// (simu3d_870: chi2 290.4 instead of 5.5e8 with edges that weigh the same).
+std::vector<idx_t> edge_weights(const BlockGraph& blocks, const StarEdges& edges) {
+  std::vector<double> stiffness(at(blocks.start.back()), 0.0);
+  for (std::size_t e = 0; e < edges.stiffness.size(); ++e) {
+    for (const std::size_t side : {0u, 1u}) {
+      const std::int32_t a = edges.ends.variables[2 * e + side];
+      const std::int32_t b = edges.ends.variables[2 * e + 1 - side];
+      const auto row = blocks.neighbours.begin();
+      const auto found =
+          std::lower_bound(row + blocks.start[at(a)], row + blocks.start[at(a) + 1], b);
+      stiffness[at(found - row)] += edges.stiffness[e];
+    }
+  }
+  std::vector<double> sorted = stiffness;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  std::vector<idx_t> weights(stiffness.size(), 1);
+  if (sorted.empty() || *middle <= 0.0) return weights;
+  for (std::size_t k = 0; k < stiffness.size(); ++k) {
+    const double relative = std::sqrt(std::max(0.0, stiffness[k] / *middle));
+    weights[k] = static_cast<idx_t>(std::lround(std::clamp(4.0 * relative, 1.0, 100.0)));
+  }
+  return weights;
 }
 
 /// part[v] in 0 .. parts-1 by recursive bisection: neighbouring numbers are neighbouring parts.
@@ -140,8 +192,13 @@ std::vector<idx_t> bisect(const MeasurementGraph<D>& graph, idx_t parts) {
   idx_t n = graph.variables.size();
   std::vector<idx_t> part(at(n), 0);
   if (parts < 2) return part;
-  const CliqueList edges = star_edges(graph);
-  BlockGraph blocks = block_graph(n, {edges.start, edges.variables});
+  const StarEdges edges = star_edges(graph);
+  BlockGraph blocks = block_graph(n, {edges.ends.start, edges.ends.variables});
+  for (idx_t v = 0; v < n; ++v) {
+    std::sort(blocks.neighbours.begin() + blocks.start[at(v)],
+              blocks.neighbours.begin() + blocks.start[at(v) + 1]);
+  }
+  std::vector<idx_t> weights = edge_weights(blocks, edges);
   idx_t options[METIS_NOPTIONS];
   METIS_SetDefaultOptions(options);
   options[METIS_OPTION_SEED] = 1;
@@ -150,8 +207,8 @@ std::vector<idx_t> bisect(const MeasurementGraph<D>& graph, idx_t parts) {
   idx_t constraints = 1;
   idx_t cut = 0;
   if (METIS_PartGraphRecursive(&n, &constraints, blocks.start.data(), blocks.neighbours.data(),
-                               nullptr, nullptr, nullptr, &parts, nullptr, nullptr, options, &cut,
-                               part.data()) != METIS_OK) {
+                               nullptr, nullptr, weights.data(), &parts, nullptr, nullptr, options,
+                               &cut, part.data()) != METIS_OK) {
     throw Error("METIS could not partition the graph; join in index order instead (--tree order)");
   }
   return part;

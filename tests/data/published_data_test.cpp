@@ -124,5 +124,15 @@ TEST(Summary, IsNoWorseThanPublishedOnAtLeastSevenOfNineSets) {
   EXPECT_GE(reached, 7);
 }
 
+TEST(Summary, IsNoWorseThanPublishedOnSimulatedSets) {
+  std::vector<Row> rows = kSimulated;
+  rows.push_back({{"local_maps", "simu3d_870"}, 310.853, false, 0, 0});
+  for (const Row& row : rows) {
+    const auto ours = outcome(row.set, Mode::kSummary);
+    if (!ours) GTEST_SKIP() << missing(row.set);
+    EXPECT_LE(ours->chi2, row.chi2) << row.set;
+  }
+}
+
 }  // namespace
 }  // namespace mapjoin::test
