@@ -10,11 +10,17 @@
 #include <string>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/solvers/elimination_tree.h"
 
 namespace mapjoin {
 namespace {
 
 using Index = std::int32_t;
+
+/// METIS takes about as long as this many operations of factorizing for every variable and
+/// neighbour in the graph. It is asked for a second order where minimum degree's makes more work
+/// than that: what it can save, a join and its refinement save several times.
+constexpr double kDissectionFlops = 4e4;
 
 // Keeps the first of equal entries in each row and closes the gaps, in place.
 void remove_duplicates(BlockGraph& graph) {
@@ -39,8 +45,13 @@ void remove_duplicates(BlockGraph& graph) {
   graph.neighbours.resize(static_cast<std::size_t>(end));
 }
 
+struct MinimumDegreeOrder {
+  std::vector<Index> order;
+  double multiplications = 0;  ///< of blocks, at most, that elimination will take
+};
+
 // amd_2 is AMD without the checks and copies of amd_order; it destroys the graph it is given.
-std::vector<Index> minimum_degree(BlockGraph graph) {
+MinimumDegreeOrder minimum_degree(BlockGraph graph) {
   const auto n = static_cast<Index>(graph.start.size()) - 1;
   const Index entries = graph.start[n];
   const std::int64_t space = std::int64_t{entries} + entries / 5 + n + 1;
@@ -60,7 +71,7 @@ std::vector<Index> minimum_degree(BlockGraph graph) {
   amd_defaults(control);
   amd_2(n, graph.start.data(), graph.neighbours.data(), length, static_cast<Index>(space), entries,
         row(1), row(2), order.data(), row(3), row(4), row(5), row(6), control, info);
-  return order;
+  return {std::move(order), info[AMD_NMULTSUBS_LDL]};
 }
 
 std::vector<Index> nested_dissection(std::span<const Index> dims, BlockGraph graph, int seed) {
@@ -124,8 +135,21 @@ std::vector<std::int32_t> order_blocks(std::span<const std::int32_t> dims, Cliqu
     return order;
   }
   BlockGraph graph = block_graph(static_cast<Index>(dims.size()), cliques);
-  if (options.method == OrderingMethod::kMinimumDegree) return minimum_degree(std::move(graph));
-  return nested_dissection(dims, std::move(graph), options.seed);
+  if (options.method == OrderingMethod::kNestedDissection)
+    return nested_dissection(dims, std::move(graph), options.seed);
+  if (options.method == OrderingMethod::kMinimumDegree)
+    return minimum_degree(std::move(graph)).order;
+
+  const double entries = static_cast<double>(dims.size() + graph.neighbours.size());
+  const double block =
+      std::accumulate(dims.begin(), dims.end(), 0.0) / static_cast<double>(dims.size());
+  MinimumDegreeOrder quick = minimum_degree(graph);
+  const double flops = 2.0 * quick.multiplications * block * block * block;
+  if (flops < kDissectionFlops * entries) return std::move(quick.order);
+  std::vector<Index> dissected = nested_dissection(dims, std::move(graph), options.seed);
+  return elimination_flops(dims, cliques, dissected) < elimination_flops(dims, cliques, quick.order)
+             ? std::move(dissected)
+             : std::move(quick.order);
 }
 
 }  // namespace mapjoin

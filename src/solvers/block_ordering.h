@@ -32,6 +32,7 @@ struct Cliques {
 };
 
 enum class OrderingMethod {
+  kAutomatic,         ///< minimum degree; where that makes much work, the better of both
   kMinimumDegree,     ///< AMD: fastest, and best for most pose graphs
   kNestedDissection,  ///< METIS: 10 times slower, less fill on large 2D grids, wider trees for
                       /// threads
@@ -39,7 +40,7 @@ enum class OrderingMethod {
 };
 
 struct OrderingOptions {
-  OrderingMethod method = OrderingMethod::kMinimumDegree;
+  OrderingMethod method = OrderingMethod::kAutomatic;
   int seed = 0;  ///< of METIS; equal seeds give equal orders
 };
 

@@ -157,4 +157,36 @@ std::vector<ColumnCount> column_counts(std::span<const std::int32_t> dims,
   return count;
 }
 
+double elimination_flops(std::span<const std::int32_t> dims, Cliques cliques,
+                         std::span<const std::int32_t> order) {
+  const auto inverse = [](std::span<const std::int32_t> permutation) {
+    std::vector<std::int32_t> out(permutation.size());
+    for (std::size_t k = 0; k < permutation.size(); ++k)
+      out[static_cast<std::size_t>(permutation[k])] = static_cast<std::int32_t>(k);
+    return out;
+  };
+  std::vector<std::int32_t> position = inverse(order);
+  const Stars stars = clique_stars(position, cliques);
+  const std::vector<std::int32_t> tree = elimination_tree(order, position, stars);
+  const std::vector<std::int32_t> post = postorder(tree);
+  const std::vector<std::int32_t> renumbered = inverse(post);
+  std::vector<std::int32_t> postordered(order.size()), parent(order.size());
+  for (std::size_t k = 0; k < post.size(); ++k) {
+    const auto old = static_cast<std::size_t>(post[k]);
+    postordered[k] = order[old];
+    parent[k] = tree[old] < 0 ? -1 : renumbered[static_cast<std::size_t>(tree[old])];
+  }
+  position = inverse(postordered);
+  const auto count = column_counts(dims, postordered, position, parent, stars);
+  double flops = 0.0;
+  for (std::size_t k = 0; k < count.size(); ++k) {
+    const int dim = dims[static_cast<std::size_t>(postordered[k])];
+    for (int c = 0; c < dim; ++c) {
+      const double rows = count[k].scalars - c;
+      flops += rows * rows;
+    }
+  }
+  return flops;
+}
+
 }  // namespace mapjoin

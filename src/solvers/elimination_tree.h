@@ -53,4 +53,8 @@ std::vector<ColumnCount> column_counts(std::span<const std::int32_t> dims,
                                        std::span<const std::int32_t> position,
                                        std::span<const std::int32_t> parent, const Stars& stars);
 
+/// Floating-point operations of a Cholesky factorization in this order, no zeros made explicit.
+double elimination_flops(std::span<const std::int32_t> dims, Cliques cliques,
+                         std::span<const std::int32_t> order);
+
 }  // namespace mapjoin
