@@ -20,8 +20,8 @@ namespace mapjoin {
 /// side.
 class FrontView {
  public:
-  FrontView(const Front& front, double* factor, double* workspace)
-      : panel_(factor + front.panel),
+  FrontView(const Front& front, double* panel, double* workspace)
+      : panel_(panel),
         /// Row p of S is aligned as row p of the panel: its columns start with the row group that
         /// holds row p.
         update_(workspace + front.update - front.pivot_dim / kRowGroup * kRowGroup),

@@ -31,6 +31,13 @@ void clear_columns(const FrontView& front, int begin, int end) {
   }
 }
 
+/// Panels are settled in portions of this many doubles.
+constexpr std::int64_t kSettled = std::int64_t{1} << 20;
+
+std::int64_t end_of_panel(const Front& front) {
+  return front.panel + std::int64_t{front.panel_stride} * front.pivot_dim;
+}
+
 /// Per thread: the diagonal of H in the rows of a front, then the bounds of its pivots.
 std::int64_t scratch_rows(const FrontalStructure& structure) {
   return (structure.statistics.largest_front + 2 * kRowGroup) / kRowGroup * kRowGroup;
@@ -38,32 +45,49 @@ std::int64_t scratch_rows(const FrontalStructure& structure) {
 
 }  // namespace
 
-void FrontalCholesky::require_memory(const FrontalStructure& structure, int threads) {
+void FrontalCholesky::require_memory(const FrontalStructure& structure, std::int64_t first_panel,
+                                     std::int64_t end_panel, int threads) {
   structure_ = &structure;
-  factor_.require(structure.statistics.factor_bytes / static_cast<std::int64_t>(sizeof(double)));
+  first_panel_ = first_panel;
+  factor_.require(end_panel - first_panel);
   workspace_.require(structure.statistics.workspace_bytes /
                      static_cast<std::int64_t>(sizeof(double)));
   scratch_.require(2 * scratch_rows(structure) * threads);
+  squared_y_.resize(structure.fronts.size());
   first_failure_ = kNoFailure;
+}
+
+/// One after another; what is finished may leave memory, some MB at a time.
+void FrontalCholesky::factor_fronts(Index begin, Index end, Assembler assemble, double* scratch,
+                                    LoopRunner loop) {
+  if (begin >= end) return;
+  std::int64_t unsettled = structure_->fronts[begin].panel - first_panel_;
+  for (Index f = begin; f < end; ++f) {
+    factor_front(f, assemble, scratch, loop);
+    const std::int64_t done = end_of_panel(structure_->fronts[f]) - first_panel_;
+    if (done - unsettled < kSettled && f + 1 < end) continue;
+    factor_.settle(unsettled, done);
+    unsettled = done;
+  }
 }
 
 FactorStatus FrontalCholesky::factorize_subtree(const FrontalStructure& structure, Index first,
                                                 Index root, Assembler assemble) {
-  require_memory(structure, 1);
-  for (Index f = first; f <= root; ++f) factor_front(f, assemble, scratch_.data(), {});
+  require_memory(structure, structure.fronts[first].panel, end_of_panel(structure.fronts[root]), 1);
+  factor_fronts(first, root + 1, assemble, scratch_.data(), {});
   return status();
 }
 
 FactorStatus FrontalCholesky::factorize(const FrontalStructure& structure, Assembler assemble,
                                         WorkerPool& pool) {
-  require_memory(structure, pool.threads());
+  require_memory(structure, 0,
+                 structure.statistics.factor_bytes / static_cast<std::int64_t>(sizeof(double)),
+                 pool.threads());
   const std::int64_t rows = scratch_rows(structure);
 
   const auto factor_task = [&](int thread, int task, LoopRunner loop) {
-    double* const scratch = scratch_.data() + 2 * rows * thread;
-    for (Index f = structure.tasks[task].begin; f < structure.tasks[task].end; ++f) {
-      factor_front(f, assemble, scratch, loop);
-    }
+    factor_fronts(structure.tasks[task].begin, structure.tasks[task].end, assemble,
+                  scratch_.data() + 2 * rows * thread, loop);
   };
   const int tasks = static_cast<int>(structure.tasks.size());
   if (pool.threads() == 1) {
@@ -88,7 +112,7 @@ void FrontalCholesky::factor_front(Index f, Assembler assemble, double* scratch,
   const Front& front = structure_->fronts[f];
   // Later fronts cannot change what failed first; earlier ones can, and are never skipped.
   if (front.first_scalar > first_failure_.load(std::memory_order_relaxed)) return;
-  const FrontView view(front, factor_.data(), workspace_.data());
+  const FrontView view(front, panel(front), workspace_.data());
   const auto children = structure_->children_of(f);
   if (loop.run != nullptr && front_flops(front.pivot_dim, front.update_dim) < kSharedFrontFlops)
     loop = {};
@@ -119,7 +143,12 @@ void FrontalCholesky::factor_front(Index f, Assembler assemble, double* scratch,
   for (int j = 0; j < front.pivot_dim; ++j)
     smallest[j] = std::max(0.0, options_.smallest_pivot * diagonal[j]);
   const int failed = eliminate_pivots(view, smallest, loop);
-  if (failed < 0) return;
+  if (failed < 0) {
+    double sum = 0.0;
+    for (int j = 0; j < front.pivot_dim; ++j) sum += view.rhs(j) * view.rhs(j);
+    squared_y_[static_cast<std::size_t>(f)] = sum;
+    return;
+  }
   Index known = first_failure_.load();
   while (front.first_scalar + failed < known &&
          !first_failure_.compare_exchange_weak(known, front.first_scalar + failed)) {

@@ -29,6 +29,7 @@
 #include <vector>
 
 #include "mapjoin/solvers/aligned_buffer.h"
+#include "mapjoin/solvers/factor_memory.h"
 #include "mapjoin/solvers/front_kernels.h"
 #include "mapjoin/solvers/fronts.h"
 #include "mapjoin/solvers/tree_scheduler.h"
@@ -44,6 +45,7 @@ struct FactorOptions {
   /// should be 0: up to 2e-14 for 1000 variables, 1e-11 for 100,000. A long chain anchored at one
   /// end has honest pivots as small as that.
   double smallest_pivot = 1e-13;
+  FactorResidence residence;  ///< how much of the factor may be in memory at a time
 };
 
 struct FactorStatus {
@@ -65,7 +67,8 @@ struct FrontConditional {
 
 class FrontalCholesky {
  public:
-  explicit FrontalCholesky(const FactorOptions& options = {}) : options_(options) {}
+  explicit FrontalCholesky(const FactorOptions& options = {})
+      : options_(options), factor_(options.residence) {}
 
   /// Factors H and eliminates b with it. Memory is kept for the next call.
   ///
@@ -135,13 +138,20 @@ class FrontalCholesky {
   FactorStatus factorize_subtree(const FrontalStructure& structure, std::int32_t first,
                                  std::int32_t root, Assembler assemble);
   FactorStatus status() const;
-  void require_memory(const FrontalStructure& structure, int threads);
+  void require_memory(const FrontalStructure& structure, std::int64_t first_panel,
+                      std::int64_t end_panel, int threads);
+  double* panel(const Front& front) const { return factor_.data() + (front.panel - first_panel_); }
+  void factor_fronts(std::int32_t begin, std::int32_t end, Assembler assemble, double* scratch,
+                     LoopRunner loop);
+  void substitute_fronts(std::int32_t begin, std::int32_t end, double* x, double* local) const;
   void factor_front(std::int32_t front, Assembler assemble, double* scratch, LoopRunner loop);
   void back_substitute(std::int32_t front, double* x, double* local) const;
 
   FactorOptions options_;
   const FrontalStructure* structure_ = nullptr;
-  AlignedBuffer factor_;
+  FactorMemory factor_;
+  std::int64_t first_panel_ = 0;   ///< offset in the structure of what lies first in factor_
+  std::vector<double> squared_y_;  ///< per front
   AlignedBuffer workspace_;
   AlignedBuffer scratch_;
   AlignedBuffer closing_;  ///< the dense system of close_subtree

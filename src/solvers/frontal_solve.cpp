@@ -26,9 +26,23 @@ void FrontalCholesky::back_substitute(Index f, double* x, double* local) const {
   *to++ = -1;
   const int row_end = (front.rows() + kRowGroup) / kRowGroup * kRowGroup;
   std::fill(to, local + row_end, 0.0);
-  solve_pivots_backward(factor_.data() + front.panel, front.panel_stride, front.pivot_dim, row_end,
-                        local);
+  solve_pivots_backward(panel(front), front.panel_stride, front.pivot_dim, row_end, local);
   std::copy(local, local + front.pivot_dim, x + front.first_scalar);
+}
+
+/// From the last to the first; where the factor is on disk, what has been read leaves memory again.
+void FrontalCholesky::substitute_fronts(Index begin, Index end, double* x, double* local) const {
+  constexpr std::int64_t kLeft = std::int64_t{1} << 20;
+  const auto panel_begin = [&](Index f) { return structure_->fronts[f].panel - first_panel_; };
+  if (begin >= end) return;
+  const Front& last = structure_->fronts[end - 1];
+  std::int64_t used = panel_begin(end - 1) + std::int64_t{last.panel_stride} * last.pivot_dim;
+  for (Index f = end; f-- > begin;) {
+    back_substitute(f, x, local);
+    if (!factor_.on_disk() || (used - panel_begin(f) < kLeft && f > begin)) continue;
+    factor_.leave(panel_begin(f), used);
+    used = panel_begin(f);
+  }
 }
 
 void FrontalCholesky::solve(Eigen::Ref<Eigen::VectorXd> x, WorkerPool& pool) const {
@@ -45,8 +59,7 @@ void FrontalCholesky::solve(Eigen::Ref<Eigen::VectorXd> x, WorkerPool& pool) con
       const FrontTask& task = s.tasks[t];
       while (task.parent >= 0 && !done[task.parent].load(std::memory_order_acquire))
         std::this_thread::yield();
-      for (Index f = task.end; f-- > task.begin;)
-        back_substitute(f, by_position.data(), local.data());
+      substitute_fronts(task.begin, task.end, by_position.data(), local.data());
       done[t].store(true, std::memory_order_release);
     }
   });
@@ -63,11 +76,11 @@ void FrontalCholesky::solve(Eigen::Ref<Eigen::VectorXd> x) const {
 
 FrontConditional FrontalCholesky::conditional(Index f) const {
   const Front& front = structure_->fronts[f];
-  const double* const panel = factor_.data() + front.panel;
+  const double* const columns = panel(front);
   const Eigen::OuterStride<> stride(front.panel_stride);
-  return {.l11 = {panel, front.pivot_dim, front.pivot_dim, stride},
-          .l21 = {panel + front.pivot_dim, front.update_dim, front.pivot_dim, stride},
-          .y = {panel + front.rows(), front.pivot_dim, Eigen::InnerStride<>(front.panel_stride)}};
+  return {.l11 = {columns, front.pivot_dim, front.pivot_dim, stride},
+          .l21 = {columns + front.pivot_dim, front.update_dim, front.pivot_dim, stride},
+          .y = {columns + front.rows(), front.pivot_dim, Eigen::InnerStride<>(front.panel_stride)}};
 }
 
 void FrontalCholesky::solve_in_place(Eigen::Ref<Eigen::MatrixXd> b) const {
@@ -126,8 +139,7 @@ double FrontalCholesky::log_determinant() const {
 
 double FrontalCholesky::squared_norm_of_y() const {
   double sum = 0;
-  for (Index f = 0; f < static_cast<Index>(structure_->fronts.size()); ++f)
-    sum += conditional(f).y.squaredNorm();
+  for (std::size_t f = 0; f < structure_->fronts.size(); ++f) sum += squared_y_[f];
   return sum;
 }
 

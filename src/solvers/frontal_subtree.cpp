@@ -45,7 +45,7 @@ bool FrontalCholesky::close_subtree(Index first, Index root, std::span<const Ind
   const Index q = s.fronts[root].update_dim;
   const Index row_end = (q + kRowGroup) / kRowGroup * kRowGroup;  // with the right-hand side row
   decrease = 0;
-  for (Index f = first; f <= root; ++f) decrease += conditional(f).y.squaredNorm();
+  for (Index f = first; f <= root; ++f) decrease += squared_y_[static_cast<std::size_t>(f)];
   if (q > 0) {
     // A front of its own, all pivots.
     Front front;
@@ -75,8 +75,7 @@ bool FrontalCholesky::close_subtree(Index first, Index root, std::span<const Ind
         by_position[i] = *from++;
     }
   }
-  double* const local = scratch_.data();
-  for (Index f = root + 1; f-- > first;) back_substitute(f, by_position.data(), local);
+  substitute_fronts(first, root + 1, by_position.data(), scratch_.data());
   return true;
 }
 

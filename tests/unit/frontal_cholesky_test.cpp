@@ -283,6 +283,37 @@ TEST(FrontalCholesky, SolvesAChainOfAMillionVariablesInAnyOrder) {
   }
 }
 
+TEST(FrontalCholesky, OnDiskIsTheSameBits) {
+  const Problem problem = grid_problem(60, 60, 6);
+  const FrontalStructure structure = analyze(problem);
+  ASSERT_GT(structure.statistics.factor_bytes, 8 << 20);  // several portions
+  const VectorXd expected = solve(problem, structure);
+  for (const int threads : {1, 2}) {
+    for (const std::int64_t resident : {0, 4 << 20}) {
+      FrontalCholesky cholesky({.residence = {.bytes = resident, .directory = {}}});
+      WorkerPool pool(threads);
+      VectorXd x(problem.scalars());
+      for (int repetition = 0; repetition < 2; ++repetition) {
+        ASSERT_TRUE(cholesky.factorize(structure, problem.assembler(structure), pool).ok());
+        cholesky.solve(x, pool);
+        EXPECT_EQ(x, expected);
+      }
+    }
+  }
+}
+
+TEST(FrontalCholesky, SaysWhereItCannotWriteAFactor) {
+  const Problem problem = grid_problem(5, 5, 3);
+  const FrontalStructure structure = analyze(problem);
+  FrontalCholesky cholesky({.residence = {.bytes = 0, .directory = "/nowhere/at/all"}});
+  try {
+    cholesky.factorize(structure, problem.assembler(structure));
+    FAIL() << "no error";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("/nowhere/at/all"));
+  }
+}
+
 TEST(BlockOrdering, ListsEachNeighbourOnce) {
   const std::vector<std::int64_t> start = {0, 2, 4, 7, 8};
   const std::vector<std::int32_t> vars = {0, 1, 1, 0, 0, 1, 3, 2};
