@@ -124,15 +124,18 @@ void MeasurementGraphBuilder<D>::add(const LocalMap<D>& local_map) {
     while (root[doubles(i)] != i) i = root[doubles(i)] = root[doubles(root[doubles(i)])];
     return i;
   };
+  const auto tie = [&](int i, int j) {
+    const int a = find(i);
+    const int b = find(j);
+    root[doubles(std::max(a, b))] = std::min(a, b);
+  };
   for (int j = 0; j < n; ++j) {
-    for (std::int64_t s = info.begin(j) + 1; s < info.end(j); ++s) {
-      const int a = find(info.row(s));
-      const int b = find(j);
-      root[doubles(std::max(a, b))] = std::min(a, b);
-    }
+    for (std::int64_t s = info.begin(j) + 1; s < info.end(j); ++s) tie(info.row(s), j);
+    // Only a pose is where it is without a term: other anchors need theirs to say where the rest
+    // is.
+    if (j > 0 && local_map.anchor.kind->tag != Tag("pose")) tie(j, 0);
   }
-  const bool from_pose =
-      local_map.anchor.keys.size() == 1 && local_map.anchor.keys[0].type == Tag("pose");
+  const bool from_pose = local_map.anchor.kind->tag == Tag("pose");
   std::vector<std::vector<int>> groups(doubles(n));
   for (int i = 0; i < n; ++i) groups[doubles(find(i))].push_back(i);
   std::vector<std::size_t> value_start(doubles(n) + 1, 0);
@@ -247,6 +250,7 @@ MeasurementGraph<D> MeasurementGraphBuilder<D>::build() && {
   for (const Key& key : submap_keys_.anchor) {
     const VariableKind<D>* kind = &kind_of<PoseType<D>>();
     if (key.type != kind->tag) kind = &kind_of<PointType<D>>();
+    // Of a type of the user's own: then it is a term, see check_local_map.
     for (std::size_t k = 0; k < submap_keys_.terms.size() && kind->tag != key.type; ++k) {
       if (submap_keys_.terms[k].type == key.type) kind = submap_keys_.kinds[k];
     }
