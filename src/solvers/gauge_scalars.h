@@ -1,5 +1,6 @@
 #pragma once
 
+#include <compare>
 #include <span>
 #include <vector>
 
@@ -11,6 +12,7 @@ namespace mapjoin {
 struct PieceScalar {
   int variable = 0;  ///< place in the piece
   int scalar = 0;    ///< of its tangent
+  friend auto operator<=>(const PieceScalar&, const PieceScalar&) = default;
 };
 
 /// kGauge scalars which, held, fix the gauge of a piece: all of the pose at place `pose` when that
@@ -18,6 +20,12 @@ struct PieceScalar {
 /// over all of them). Sorted. O(variables).
 template <int D>
 std::vector<PieceScalar> gauge_scalars(const VariableSet<D>& all, const Piece<D>& piece, int pose);
+
+/// Of the given scalars, the kGauge whose gauge rows are most independent at the values of the
+/// piece (Gram-Schmidt with pivoting). Sorted. O(variables).
+template <int D>
+std::vector<PieceScalar> most_independent(const VariableSet<D>& all, const Piece<D>& piece,
+                                          const std::vector<PieceScalar>& candidates);
 
 /// The stacked gauge rows of a piece: scalars x kGauge.
 template <int D>

@@ -54,7 +54,9 @@ void ObservationSystem<D>::plan(const Piece<D>& piece, std::span<const std::int3
   structure_ = analyze(list_.dims(), view, order);
 }
 
-/// Holds the pose that most observations touch, or scalars of features where there is no pose.
+/// Holds the pose that most observations touch. Where there is no pose, some scalars of the
+/// variables that the first local map is anchored at: they fix a frame, and weigh_held chooses when
+/// it sees how they lie.
 template <int D>
 void ObservationSystem<D>::hold_gauge(const Piece<D>& piece) {
   int pose = -1;
@@ -66,8 +68,17 @@ void ObservationSystem<D>::hold_gauge(const Piece<D>& piece) {
     const auto end = count.begin() + piece.column_start[at(column) + 1];
     pose = static_cast<int>(std::max_element(begin, end) - count.begin());
   }
-  for (const PieceScalar& s : gauge_scalars(graph_.variables, piece, pose))
-    held_.push_back({s.variable, s.scalar, 0, 0.0});
+  if (pose < 0 && list_.size() > 0) {
+    const auto& maps = graph_.submaps;
+    const std::size_t m = at(list_.observation(0)) - (graph_.size() - maps.size());
+    for (auto a = 0; a < maps.anchor_start[m + 1] - maps.anchor_start[m]; ++a) {
+      const std::int32_t variable = list_.clique(0)[at(a)];
+      for (int s = 0; s < list_.dims()[at(variable)]; ++s) held_.push_back({variable, s, 0, 0.0});
+    }
+  } else {
+    for (const PieceScalar& s : gauge_scalars(graph_.variables, piece, pose))
+      held_.push_back({s.variable, s.scalar, 0, 0.0});
+  }
   for (std::size_t h = 0; h < held_.size(); ++h) {
     const bool same = h > 0 && held_[h].variable == held_[h - 1].variable;
     if (!same) {
@@ -83,6 +94,15 @@ void ObservationSystem<D>::hold_gauge(const Piece<D>& piece) {
 template <int D>
 void ObservationSystem<D>::weigh_held(const Piece<D>& piece) {
   constexpr int kEnough = 64;  // observations of a variable to look at
+  if (held_.size() > static_cast<std::size_t>(kGauge<D>)) {
+    std::vector<PieceScalar> candidates;
+    for (const Held& held : held_) candidates.push_back({held.variable, held.scalar});
+    const auto chosen = most_independent(graph_.variables, piece, candidates);
+    std::erase_if(held_, [&](const Held& held) {
+      return !std::binary_search(chosen.begin(), chosen.end(),
+                                 PieceScalar{held.variable, held.scalar});
+    });
+  }
   SubmapScratch scratch;
   Eigen::MatrixXd H;
   int seen = 0;
