@@ -124,20 +124,17 @@ void MeasurementGraphBuilder<D>::add(const LocalMap<D>& local_map) {
     while (root[doubles(i)] != i) i = root[doubles(i)] = root[doubles(root[doubles(i)])];
     return i;
   };
-  const auto tie = [&](int i, int j) {
-    const int a = find(i);
-    const int b = find(j);
-    root[doubles(std::max(a, b))] = std::min(a, b);
-  };
   for (int j = 0; j < n; ++j) {
-    for (std::int64_t s = info.begin(j) + 1; s < info.end(j); ++s) tie(info.row(s), j);
-    // Only a pose is where it is without a term: other anchors need theirs to say where the rest
-    // is.
-    if (j > 0 && local_map.anchor.kind->tag != Tag("pose")) tie(j, 0);
+    for (std::int64_t s = info.begin(j) + 1; s < info.end(j); ++s) {
+      const int a = find(info.row(s));
+      const int b = find(j);
+      root[doubles(std::max(a, b))] = std::min(a, b);
+    }
   }
+  // Only a pose is where it is without a term: other anchors need theirs to say where the rest is.
   const bool from_pose = local_map.anchor.kind->tag == Tag("pose");
   std::vector<std::vector<int>> groups(doubles(n));
-  for (int i = 0; i < n; ++i) groups[doubles(find(i))].push_back(i);
+  for (int i = 0; i < n; ++i) groups[doubles(from_pose ? find(i) : 0)].push_back(i);
   std::vector<std::size_t> value_start(doubles(n) + 1, 0);
   for (int i = 0; i < n; ++i) {
     value_start[doubles(i) + 1] =

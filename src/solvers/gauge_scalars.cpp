@@ -1,8 +1,24 @@
 #include "mapjoin/solvers/gauge_scalars.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace mapjoin {
+
+std::vector<int> independent_rows(Eigen::MatrixXd rows, int count, double least) {
+  std::vector<int> out;
+  double largest = 0.0;
+  for (int step = 0; step < count; ++step) {
+    Eigen::Index best = 0;
+    const double length = std::sqrt(rows.rowwise().squaredNorm().maxCoeff(&best));
+    largest = std::max(largest, length);
+    if (least > 0.0 && !(length > least * largest)) return {};
+    out.push_back(static_cast<int>(best));
+    const Eigen::RowVectorXd direction = rows.row(best).normalized();
+    rows -= (rows * direction.transpose()) * direction;
+  }
+  return out;
+}
 
 template <int D>
 Eigen::MatrixXd gauge_rows(const VariableSet<D>& all, const Piece<D>& piece) {
@@ -45,21 +61,14 @@ std::vector<PieceScalar> gauge_scalars(const VariableSet<D>& all, const Piece<D>
 template <int D>
 std::vector<PieceScalar> most_independent(const VariableSet<D>& all, const Piece<D>& piece,
                                           const std::vector<PieceScalar>& candidates) {
-  constexpr int G = kGauge<D>;
   const std::vector<int> offsets = offsets_of(all, piece);
   std::vector<int> scalars;
   for (const PieceScalar& c : candidates)
     scalars.push_back(offsets[static_cast<std::size_t>(c.variable)] + c.scalar);
   const Eigen::MatrixXd every = gauge_rows(all, piece);
-  Eigen::MatrixXd rows = every(scalars, Eigen::all);
   std::vector<PieceScalar> out;
-  for (int step = 0; step < G; ++step) {
-    Eigen::Index best = 0;
-    rows.rowwise().squaredNorm().maxCoeff(&best);
-    out.push_back(candidates[static_cast<std::size_t>(best)]);
-    const Eigen::RowVectorXd direction = rows.row(best).normalized();
-    rows -= (rows * direction.transpose()) * direction;
-  }
+  for (const int r : independent_rows(every(scalars, Eigen::all), kGauge<D>))
+    out.push_back(candidates[static_cast<std::size_t>(r)]);
   std::sort(out.begin(), out.end());
   return out;
 }

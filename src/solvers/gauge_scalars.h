@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <compare>
 #include <span>
 #include <vector>
@@ -14,6 +15,11 @@ struct PieceScalar {
   int scalar = 0;    ///< of its tangent
   friend auto operator<=>(const PieceScalar&, const PieceScalar&) = default;
 };
+
+/// Numbers of the rows that are most independent, by Gram-Schmidt with pivoting: `count` of them,
+/// or none where what is left of the last is not longer than `least` of the longest. O(rows *
+/// count).
+std::vector<int> independent_rows(Eigen::MatrixXd rows, int count, double least = 0.0);
 
 /// kGauge scalars which, held, fix the gauge of a piece: all of the pose at place `pose` when that
 /// is not negative, else those whose gauge rows are most independent (Gram-Schmidt with pivoting

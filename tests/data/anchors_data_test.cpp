@@ -80,8 +80,8 @@ TEST(AnchorsOfRealMaps, Simulation870GoesThroughEveryPairOfFrames) {
             points_anchor(point_key(1359), point_key(1758), point_key(1757))});
 }
 
-/// All local maps as maps in frames of their features, joined again: the same optimum, as the
-/// observations are the same. Those with too few features stay in the frames of their poses.
+/// All local maps in frames of their features, joined again. Those with too few features stay in
+/// the frames of their poses.
 TEST(AnchorsOfRealMaps, VictoriaParkJoinsFromFramesOfFeatures) {
   const DataSet set{"local_maps", "victoria_park_200", 0.0};
   const auto problem = load(set);
@@ -102,8 +102,8 @@ TEST(AnchorsOfRealMaps, VictoriaParkJoinsFromFramesOfFeatures) {
   const JoinResult<2> before = given.join({});
   const JoinResult<2> after = join_all(std::span<const LocalMap<2>>(in_features));
   ASSERT_EQ(after.maps.size(), 1U);
-  // Residuals are counted in other frames, so the optimum is not the same number, but close.
-  EXPECT_NEAR(after.report.chi2, before.report.chi2, 1e-2 * before.report.chi2);
+  // Residuals are linear in other coordinates, so the optimum is not quite the same number.
+  EXPECT_NEAR(after.report.chi2, before.report.chi2, 2e-3 * before.report.chi2);
   RecordProperty("chi2_in_pose_frames", std::to_string(before.report.chi2));
   RecordProperty("chi2_in_feature_frames", std::to_string(after.report.chi2));
 }
