@@ -5,8 +5,7 @@
 #include <algorithm>
 #include <thread>
 
-#include "mapjoin/frames/anchors.h"
-#include "mapjoin/graph/error.h"
+#include "mapjoin/frames/parse_anchor.h"
 
 namespace mapjoin::cli {
 
@@ -44,6 +43,11 @@ const char* const kModes = R"(Modes:
             shared, or kept for life. One linear solve a join.
   paper     Linear SLAM as published: pairs in order, one common pose. For comparison.
 )";
+
+const char* const kAnchors =
+    "that of a pose, pose:12 or 1/pose:12 (session 1); or of points, two in the plane "
+    "(points:84,85: the first at the origin, the second on the positive x axis), three in space "
+    "(points:84,85,86: the third in the x-y plane at positive y)";
 
 std::string HelpFormatter::make_option_desc(const CLI::Option* option) const {
   return wrapped(CLI::Formatter::make_option_desc(option));
@@ -91,9 +95,10 @@ void add_join_arguments(CLI::App& command, JoinArguments& a) {
       ->capture_default_str();
   command
       .add_option("--anchor", a.anchor,
-                  "The pose whose frame the result is written in, pose:12 or 1/pose:12 [the pose "
-                  "that the file fixes, else the lowest one of each piece]")
-      ->type_name("KEY");
+                  std::string("The frame the result is written in: ") + kAnchors +
+                      " [the pose that the file fixes, else the lowest one of each piece; points "
+                      "that are far apart where there is no pose]")
+      ->type_name("ANCHOR");
   command
       .add_option("--session", a.session,
                   "Session of the ids that are read from text without one: recordings that both "
@@ -130,21 +135,16 @@ JoinOptions join_options(const JoinArguments& a) {
 }
 
 template <int D>
-Anchor<D> parse_anchor(const std::string& text, std::uint32_t session,
-                       const VariableSet<D>& variables) {
-  Key key = parse_key(text);
-  if (text.find('/') == std::string::npos) key.session = session;
-  if (key.type != Tag("pose")) {
-    throw InputError(
-        fmt::format("--anchor {}: only a pose can be the anchor, as in pose:12", text));
-  }
-  variables.require(key, "--anchor");
-  return pose_anchor<D>(key);
+Anchor<D> chosen_anchor(const std::string& text, std::uint32_t session,
+                        const VariableSet<D>& variables) {
+  Anchor<D> anchor = parse_anchor<D>(text, session);
+  for (const Key& key : anchor.keys) variables.require(key, "--anchor");
+  return anchor;
 }
 
 void add_examples(CLI::App& command, const std::string& examples) { command.footer(examples); }
 
-template Anchor<2> parse_anchor<2>(const std::string&, std::uint32_t, const VariableSet<2>&);
-template Anchor<3> parse_anchor<3>(const std::string&, std::uint32_t, const VariableSet<3>&);
+template Anchor<2> chosen_anchor<2>(const std::string&, std::uint32_t, const VariableSet<2>&);
+template Anchor<3> chosen_anchor<3>(const std::string&, std::uint32_t, const VariableSet<3>&);
 
 }  // namespace mapjoin::cli

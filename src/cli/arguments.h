@@ -33,11 +33,14 @@ JoinOptions join_options(const JoinArguments& arguments);
 InformationPolicy information_policy(const std::string& text);
 void add_indefinite_argument(CLI::App& command, std::string& indefinite);
 
-/// The anchor that a text like "pose:12" or "1/pose:12" names; a plain one is of `session`.
-/// \throws InputError when it says no pose or when the variables have no such pose.
+/// The anchor that --anchor names (see frames/parse_anchor.h); ids without a session are of
+/// `session`. \throws InputError when it is none or when the variables have no such pose or point.
 template <int D>
-Anchor<D> parse_anchor(const std::string& text, std::uint32_t session,
-                       const VariableSet<D>& variables);
+Anchor<D> chosen_anchor(const std::string& text, std::uint32_t session,
+                        const VariableSet<D>& variables);
+
+/// What --anchor takes, for the help of the commands that have it.
+extern const char* const kAnchors;
 
 /// Makes examples stand at the end of a command's help.
 void add_examples(CLI::App& command, const std::string& examples);

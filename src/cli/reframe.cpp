@@ -15,6 +15,9 @@ constexpr const char* kExamples = R"(Example:
   mapjoin reframe city.map --anchor pose:4711 --output city_4711.map
       The same map seen from another pose, in closed form: the estimate and its information, exact
       and without a solve. The frame of a map is a free choice.
+  mapjoin reframe park.map --anchor points:84,85 --output park_84.map
+      Seen from two of its features: 84 at the origin, 85 on the positive x axis. A map of features
+      alone has no other frame. In space it takes three, as in points:84,85,86.
 )";
 
 struct Arguments {
@@ -23,10 +26,12 @@ struct Arguments {
   std::string output;
 };
 
-/// The session that a plain id means: that of the map's poses, if they have one.
+/// The session that a plain id means: that of the map's poses (or points, where it has no poses),
+/// if they have one.
 template <int D>
 std::uint32_t session_of(const VariableSet<D>& variables) {
-  const int c = variables.find_column(Tag("pose"));
+  int c = variables.find_column(Tag("pose"));
+  if (c < 0) c = variables.find_column(Tag("point"));
   if (c < 0) return 0;
   const auto& keys = variables.column(c).keys;
   return keys.front().session == keys.back().session ? keys.front().session : 0;
@@ -38,7 +43,7 @@ void reframe(const Arguments& a) {
   std::visit(
       [&]<int D>(Map<D>&& map) {
         const Anchor<D> anchor =
-            parse_anchor<D>(a.anchor, session_of(map.variables()), map.variables());
+            chosen_anchor<D>(a.anchor, session_of(map.variables()), map.variables());
         const std::string before = to_string(map.anchor);
         map = change_frame(std::move(map), anchor);
         OutputFiles files;
@@ -54,10 +59,12 @@ void reframe(const Arguments& a) {
 
 void add_reframe(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App& command = *app.add_subcommand("reframe", "Write a map in the frame of another pose");
+  CLI::App& command =
+      *app.add_subcommand("reframe", "Write a map in the frame of another pose, or of features");
   command.add_option("map", arguments->map, "A native map")->type_name("MAP")->required();
-  command.add_option("--anchor", arguments->anchor, "The pose to be the origin, as in pose:12")
-      ->type_name("KEY")
+  command
+      .add_option("--anchor", arguments->anchor, std::string("The frame to write in: ") + kAnchors)
+      ->type_name("ANCHOR")
       ->required();
   command
       .add_option("-o,--output", arguments->output, "OUT.map, or OUT.g2o, OUT.tum for the values")

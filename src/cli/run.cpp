@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 
 #include "mapjoin/cli/progress.h"
@@ -17,14 +18,43 @@ namespace {
 
 /// The anchor that the user or the file asks for, if any.
 template <int D>
-std::optional<Anchor<D>> chosen_anchor(Job& job, const VariableSet<D>& variables) {
+std::optional<Anchor<D>> wanted_anchor(Job& job, const VariableSet<D>& variables) {
   const JoinArguments& a = job.arguments;
-  if (!a.anchor.empty()) return parse_anchor<D>(a.anchor, a.session, variables);
+  if (!a.anchor.empty()) return chosen_anchor<D>(a.anchor, a.session, variables);
   if (!job.fixed) return std::nullopt;
   if (variables.find(*job.fixed)) return pose_anchor<D>(*job.fixed);
   job.notes.push_back(fmt::format("the file fixes {}, of which no measurement speaks: ignored",
                                   to_string(*job.fixed)));
   return std::nullopt;
+}
+
+/// Writes the piece that holds all of the anchor's variables in its frame.
+template <int D>
+void into_frame(std::vector<Map<D>>& pieces, const Anchor<D>& anchor) {
+  for (Map<D>& map : pieces) {
+    const bool holds = std::all_of(anchor.keys.begin(), anchor.keys.end(), [&](const Key& key) {
+      return map.variables().find(key).has_value();
+    });
+    if (!holds) continue;
+    map = change_frame(std::move(map), anchor);
+    return;
+  }
+  throw InputError(fmt::format(
+      "--anchor {}: its points are in different pieces, which nothing links; name points "
+      "of one piece",
+      to_string(anchor)));
+}
+
+/// What a reader of the file should know of its frame: g2o has a word for poses only.
+template <int D>
+std::string frame_comment(const Anchor<D>& anchor) {
+  std::string out = fmt::format("mapjoin: in the frame of {}", to_string(anchor));
+  if (anchor.kind == nullptr || is_pose_anchor(anchor)) return out;
+  out += fmt::format("\nmapjoin: {} is the origin, {} on the positive x axis",
+                     to_string(anchor.keys[0]), to_string(anchor.keys[1]));
+  if (D == 3)
+    out += fmt::format(", {} in the x-y plane at positive y", to_string(anchor.keys.back()));
+  return out;
 }
 
 template <int D>
@@ -54,7 +84,7 @@ void write_piece(OutputFiles& files, const std::filesystem::path& path, const Ma
         G2oWriteOptions options;
         options.feature_offset = feature_offset;
         options.quaternion_information = quaternion_information;
-        options.comment = fmt::format("mapjoin: in the frame of {}", to_string(map.anchor));
+        options.comment = frame_comment(map.anchor);
         write_g2o(at, map.values, options);
         break;
       }
@@ -71,19 +101,15 @@ void write_piece(OutputFiles& files, const std::filesystem::path& path, const Ma
 template <int D>
 void run(Job job, const VariableSet<D>& variables,
          const std::function<JoinResult<D>(const JoinOptions&)>& solve) {
-  const std::optional<Anchor<D>> anchor = chosen_anchor(job, variables);
+  const std::optional<Anchor<D>> anchor = wanted_anchor(job, variables);
   RunReport report{job.arguments, {}, job.measurements, {}, {}, {}, {}};
   report.seconds.read = job.read_seconds;
 
   const Interruptible interruptible;
   const Stopwatch solving;
   JoinResult<D> result = solve_interruptibly<D>(job.arguments, solve);
-  for (Map<D>& map : result.maps) {
-    if (anchor && map.variables().find(anchor->keys[0])) {
-      map = change_frame(std::move(map), *anchor);
-    }
-    report.frames.push_back(to_string(map.anchor));
-  }
+  if (anchor) into_frame(result.maps, *anchor);
+  for (const Map<D>& map : result.maps) report.frames.push_back(to_string(map.anchor));
   report.seconds.solve = solving.seconds();
   report.join = std::move(result.report);
   report.notes = std::move(job.notes);

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include "mapjoin/graph/check_local_map.h"
+
 namespace mapjoin {
 
 namespace {
@@ -57,31 +59,28 @@ const AnchorKind<D>& pose_anchor_kind() {
 template <int D>
 std::string to_string(const Anchor<D>& anchor) {
   if (anchor.kind == nullptr || anchor.keys.empty()) return "no anchor";
-  if (anchor.keys.size() == 1) return to_string(anchor.keys[0]);
+  const std::vector<Key>& keys = anchor.keys;
+  if (keys.size() == 1 && keys[0].type == anchor.kind->tag) return to_string(keys[0]);
+  const bool alike = std::all_of(keys.begin(), keys.end(),
+                                 [&](const Key& key) { return key.type == keys[0].type; });
   std::string out = anchor.kind->tag.text() + ":";
-  for (std::size_t k = 0; k < anchor.keys.size(); ++k) {
-    const Key& key = anchor.keys[k];
+  for (std::size_t k = 0; k < keys.size(); ++k) {
     if (k > 0) out += ",";
-    out += key.session == 0 ? fmt::format("{}", key.id) : fmt::format("{}/{}", key.session, key.id);
+    if (!alike) {
+      out += to_string(keys[k]);
+    } else {
+      if (keys[k].session != 0) out += fmt::format("{}/", keys[k].session);
+      out += fmt::format("{}", keys[k].id);
+    }
   }
   return out;
 }
 
 template <int D>
 std::vector<int> anchor_variables(const Anchor<D>& anchor, const VariableSet<D>& variables) {
-  if (anchor.kind == nullptr || static_cast<int>(anchor.keys.size()) != anchor.kind->arity) {
-    throw InputError(
-        "an anchor needs a kind and as many keys as the kind asks for; build it with "
-        "pose_anchor(key)");
-  }
+  check_anchor(anchor);
   std::vector<int> out;
-  for (std::size_t k = 0; k < anchor.keys.size(); ++k) {
-    if (anchor.keys[k].type != anchor.kind->types[k]) {
-      throw InputError(fmt::format("anchor {}: {} is not of type '{}'", anchor.kind->tag.text(),
-                                   to_string(anchor.keys[k]), anchor.kind->types[k].text()));
-    }
-    out.push_back(variables.require(anchor.keys[k], "anchor"));
-  }
+  for (const Key& key : anchor.keys) out.push_back(variables.require(key, "anchor"));
   return out;
 }
 
@@ -99,6 +98,7 @@ AnchorRows anchor_rows(const Anchor<D>& anchor, const Values<D>& values) {
   out.variables = anchor_variables(anchor, values.variables());
   const auto pointers = value_pointers<D>(values, out.variables);
   out.P.resize(G, anchor.kind->tangent);
+  anchor.kind->frame(pointers.data(), anchor.keys.data());  // says best what is degenerate
   anchor.kind->rows(pointers.data(), out.P.data());
   Eigen::MatrixXd g(anchor.kind->tangent, G);
   int row = 0;
@@ -114,8 +114,8 @@ AnchorRows anchor_rows(const Anchor<D>& anchor, const Values<D>& values) {
   const Eigen::FullPivLU<Eigen::MatrixXd> lu(out.C);
   if (!lu.isInvertible()) {
     throw DegenerateFrameError(
-        fmt::format("{} does not fix a frame: its variables coincide or are collinear; choose "
-                    "others, or anchor the map at a pose",
+        fmt::format("{} does not fix a frame: what it pins leaves the map free to move; choose "
+                    "other variables, or anchor the map at a pose",
                     to_string(anchor)));
   }
   for (int r = 0; r < G; ++r) {

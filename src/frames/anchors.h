@@ -31,7 +31,14 @@ Rigid<D> motion_into(const Rigid<D>& pose) {
   return near.inverse();
 }
 
-/// "pose:12", or "points:84,85" for anchors of several variables.
+/// Is the anchor one pose, all of it? Then results are in that pose's frame.
+template <int D>
+bool is_pose_anchor(const Anchor<D>& anchor) {
+  return anchor.kind != nullptr && anchor.kind->tag == Tag("pose");
+}
+
+/// "pose:12", "points:84,85" for anchors of several variables of one type ("points:1/84,1/85" in
+/// session 1), "level:pose:3,up:0" for those of several types.
 template <int D>
 std::string to_string(const Anchor<D>& anchor);
 

@@ -12,9 +12,6 @@ LocalMap<D> as_local_map(const Map<D>& given) {
   const Map<D> map = elsewhere ? change_frame(given, given.solved_in) : given;
   const VariableSet<D>& variables = map.variables();
   const AnchorRows rows = anchor_rows(map.anchor, map.values);
-  if (rows.pinned.empty())
-    throw InputError(to_string(map.anchor) +
-                     " pins mixtures of coordinates; change to another frame first");
   std::vector<char> pinned(static_cast<std::size_t>(variables.scalars()), 0);
   for (const int s : rows.pinned) pinned[static_cast<std::size_t>(s)] = 1;
   const auto is_pinned = [&](int variable, int scalar) {
@@ -27,9 +24,10 @@ LocalMap<D> as_local_map(const Map<D>& given) {
   std::vector<int> offsets{0};
   for (int i = 0; i < variables.size(); ++i) {
     const VariableKind<D>& kind = variables.kind(i);
-    bool free = false;
-    for (int s = 0; s < kind.dim; ++s) free = free || !is_pinned(i, s);
-    if (!free) continue;
+    // Nothing but a term says what a type of the user's own is.
+    bool listed = kind.tag != Tag("pose") && kind.tag != Tag("point");
+    for (int s = 0; s < kind.dim; ++s) listed = listed || !is_pinned(i, s);
+    if (!listed) continue;
     term[static_cast<std::size_t>(i)] = static_cast<int>(out.keys.size());
     out.kinds.push_back(&kind);
     out.keys.push_back(variables.key(i));

@@ -11,7 +11,8 @@ namespace mapjoin {
 ///
 /// `values[k]` are the doubles of the value of the anchor's k-th key; tangents of the keys are
 /// stacked in that order. A kind is a constant that lives as long as the program; anchors point at
-/// it.
+/// it. Kinds are told apart by their tags. Everything works with kinds of a user's own: see
+/// examples/05_own_anchor.cpp; frames/testing/anchor_conformance.h tests them.
 template <int D>
 struct AnchorKind {
   Tag tag;
@@ -24,7 +25,7 @@ struct AnchorKind {
   /// frame.
   void (*rows)(const double* const* values, double* P) = nullptr;
   /// Sets the pinned coordinates of values written in the frame to exactly what the frame says they
-  /// are.
+  /// are. Where a variable is pinned whole, that is its value, whatever it was before.
   void (*pin)(double* const* values) = nullptr;
 };
 

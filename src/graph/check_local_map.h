@@ -8,8 +8,14 @@ namespace mapjoin {
 template <int D>
 void check_type(const VariableKind<D>& kind, const Key& key);
 
+/// \throws InputError when an anchor has no kind, another number of keys than its kind asks for,
+/// keys of other types, or a key twice.
+template <int D>
+void check_anchor(const Anchor<D>& anchor);
+
 /// Do the parts of a local map belong together: keys, kinds, values, information and anchor?
-/// \throws InputError that says what does not.
+/// Are the values written in the anchor's frame, where that is not a pose's? \throws InputError
+/// that says what does not or is not; DegenerateFrameError when the anchor fixes no frame.
 template <int D>
 void check_local_map(const LocalMap<D>& map);
 

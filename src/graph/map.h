@@ -43,7 +43,8 @@ struct Map {
 /// anchor leaves free.
 ///
 /// Terms may repeat a key (two measurements of one variable). The anchor's fully pinned variables
-/// are no terms; rows and columns of partly pinned ones are zero where pinned.
+/// need not be terms, unless nothing else says of what type they are; rows and columns of what is
+/// pinned are zero.
 template <int D>
 struct LocalMap {
   Anchor<D> anchor;

@@ -131,10 +131,10 @@ void MeasurementGraphBuilder<D>::add(const LocalMap<D>& local_map) {
       root[doubles(std::max(a, b))] = std::min(a, b);
     }
   }
-  const bool from_pose =
-      local_map.anchor.keys.size() == 1 && local_map.anchor.keys[0].type == Tag("pose");
+  // Only a pose is where it is without a term: other anchors need theirs to say where the rest is.
+  const bool from_pose = local_map.anchor.kind->tag == Tag("pose");
   std::vector<std::vector<int>> groups(doubles(n));
-  for (int i = 0; i < n; ++i) groups[doubles(find(i))].push_back(i);
+  for (int i = 0; i < n; ++i) groups[doubles(from_pose ? find(i) : 0)].push_back(i);
   std::vector<std::size_t> value_start(doubles(n) + 1, 0);
   for (int i = 0; i < n; ++i) {
     value_start[doubles(i) + 1] =
@@ -247,6 +247,7 @@ MeasurementGraph<D> MeasurementGraphBuilder<D>::build() && {
   for (const Key& key : submap_keys_.anchor) {
     const VariableKind<D>* kind = &kind_of<PoseType<D>>();
     if (key.type != kind->tag) kind = &kind_of<PointType<D>>();
+    // Of a type of the user's own: then it is a term, see check_local_map.
     for (std::size_t k = 0; k < submap_keys_.terms.size() && kind->tag != key.type; ++k) {
       if (submap_keys_.terms[k].type == key.type) kind = submap_keys_.kinds[k];
     }

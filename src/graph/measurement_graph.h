@@ -97,7 +97,8 @@ class MeasurementGraphBuilder {
            const double* information);
 
   /// A local map. Terms whose information is independent of all others become relative measurements
-  /// when the anchor is a pose: the same information, in its cheapest form.
+  /// when the anchor is a pose: the same information, in its cheapest form. In the frame of other
+  /// anchors all terms stay together.
   void add(const LocalMap<D>& local_map);
 
   /// All observations of another graph.

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "mapjoin/frames/anchors.h"
+#include "mapjoin/frames/points_anchor.h"
 #include "mapjoin/graph/error.h"
 #include "mapjoin/io/native_layout.h"
 #include "mapjoin/io/native_map.h"
@@ -182,7 +183,7 @@ template <int D>
 KnownTypes<D> builtin_types() {
   KnownTypes<D> types;
   types.template add<PoseType<D>>().template add<PointType<D>>();
-  types.add(pose_anchor_kind<D>());
+  types.add(pose_anchor_kind<D>()).add(points_anchor_kind<D>());
   return types;
 }
 

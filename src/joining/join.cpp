@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "mapjoin/frames/change_frame.h"
+#include "mapjoin/frames/points_anchor.h"
 #include "mapjoin/joining/place.h"
 #include "mapjoin/joining/summary_join.h"
 #include "mapjoin/joining/summary_tree.h"
@@ -57,6 +58,33 @@ Map<D> as_map(const VariableSet<D>& all, Summary<D> summary, Anchor<D> anchor) {
   return out;
 }
 
+/// The frame of a join: the first map's, where that can be had by dropping columns of A; else the
+/// lowest pose's, else that of points.
+template <int D>
+Anchor<D> frame_of_join(const Anchor<D>& first, const Values<D>& x0) {
+  if (first.kind != nullptr) {
+    Values<D> there = x0;
+    there.transform(motion_into(first, x0));
+    if (!anchor_rows(first, there).pinned.empty()) return first;
+  }
+  const int poses = x0.variables().find_column(Tag("pose"));
+  if (poses >= 0) return pose_anchor<D>(x0.variables().column(poses).keys[0]);
+  return farthest_points(x0).value_or(Anchor<D>());
+}
+
+/// The columns of A that the frame drops: scalars of all variables, which the unknowns are
+/// increments of. x0 is written in the frame, or in any that a pose is dropped in whole.
+template <int D>
+std::vector<int> dropped_columns(const Anchor<D>& anchor, const Values<D>& x0,
+                                 const Piece<D>& start) {
+  if (anchor.kind != nullptr) return anchor_rows(anchor, x0).pinned;
+  std::vector<int> out;
+  const std::vector<int> offsets = x0.variables().offsets();
+  for (const PieceScalar& s : gauge_scalars(x0.variables(), start, -1))
+    out.push_back(offsets[at(s.variable)] + s.scalar);
+  return out;
+}
+
 }  // namespace
 
 template <int D>
@@ -84,22 +112,18 @@ Merge<D> merge(std::vector<Map<D>> maps) {
   Piece<D> start = unite(out.variables, pieces, group.members);
   move(out.variables, start, to_first);
 
-  out.anchor = maps[0].anchor;
-  const bool at_pose = out.anchor.kind != nullptr && out.anchor.keys.size() == 1 &&
-                       out.anchor.keys[0].type == Tag("pose");
-  int pose = at_pose ? out.variables.require(out.anchor.keys[0], "anchor") : -1;
-  const int column = out.variables.find_column(Tag("pose"));
-  if (!at_pose && column >= 0) {
-    pose = out.variables.column(column).first;
-    out.anchor = pose_anchor<D>(out.variables.key(pose));
+  out.x0 = to_values(out.variables, start);
+  out.anchor = frame_of_join(maps[0].anchor, out.x0);
+  if (out.anchor.kind != nullptr && !is_pose_anchor(out.anchor)) {
+    const Rigid<D> into = motion_into(out.anchor, out.x0);
+    for (Summary<D>& map : out.placed) move(out.variables, map, into);
+    move(out.variables, start, into);
+    out.x0.transform(into);
   }
   std::vector<const Summary<D>*> parts;
   for (const Summary<D>& map : out.placed) parts.push_back(&map);
   out.equations = join_equations<D>(out.variables, parts, start);
-  for (const PieceScalar& s : gauge_scalars(out.variables, start, pose)) {
-    out.dropped.push_back(out.equations.column_offset[at(s.variable)] + s.scalar);
-  }
-  out.x0 = to_values(out.variables, start);
+  out.dropped = dropped_columns(out.anchor, out.x0, start);
   return out;
 }
 
@@ -157,9 +181,9 @@ Map<D> to_map(const LocalMap<D>& local_map) {
   if (result.maps.size() != 1)
     throw DisconnectedError(
         "the local map falls apart: its information leaves parts of it unconnected");
-  return local_map.anchor.keys.size() == 1
-             ? change_frame(std::move(result.maps[0]), local_map.anchor)
-             : std::move(result.maps[0]);
+  Map<D> map = change_frame(std::move(result.maps[0]), local_map.anchor);
+  map.solved_in = map.anchor;  // where its information was given
+  return map;
 }
 
 #define MAPJOIN_INSTANTIATE(D)                                                    \

@@ -20,7 +20,8 @@ struct Merge {
   JoinEquations equations;         ///< A, Z, I_Z about x0; points into `placed`
   std::vector<int>
       dropped;       ///< columns of A that the frame pins: they are left out, no row of Z ever is
-  Anchor<D> anchor;  ///< the frame: the first map's, where it is a pose; else the lowest pose
+  Anchor<D> anchor;  ///< the frame: the first map's; the lowest pose's where that is none or pins
+                     ///< mixtures of coordinates; points' where there is no pose
 
   Merge() = default;
   Merge(Merge&&) = default;  // moving keeps the elements of `placed` where they are
@@ -41,7 +42,8 @@ Merge<D> merge(std::vector<Map<D>> maps);
 template <int D>
 Map<D> solve(const Merge<D>& merge);
 
-/// merge() and solve(): the summary join of two maps, in the frame of the first one's anchor.
+/// merge() and solve(): the summary join of two maps, in the frame of the first one's anchor (of
+/// its pose, or points; see Merge::anchor).
 template <int D>
 Map<D> join(const Map<D>& a, const Map<D>& b);
 

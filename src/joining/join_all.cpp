@@ -116,6 +116,10 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
                            ? whole
                            : std::make_shared<const MeasurementGraph<D>>(subgraph(
                                  graph, std::span<const std::int64_t>(piece.observations)));
+    if (map.anchor.keys.empty()) {
+      map = into_points(std::move(map), report);
+      map.solved_in = map.anchor;  // the system has no gauge: any frame is as good
+    }
     result.maps.push_back(std::move(map));
   }
   std::sort(result.maps.begin(), result.maps.end(), lower_map_first<D>);

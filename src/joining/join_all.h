@@ -11,8 +11,10 @@ namespace mapjoin {
 ///
 /// No initial guess is used or wanted. Disconnected data give one map for each piece, each in the
 /// frame of its lowest pose, ordered by that pose; nothing is ever linked that no measurement
-/// links. \throws SingularError that names a variable the measurements do not determine;
-/// CancelledError; InputError. Thread-safe for different calls; `graph` is only read.
+/// links. A piece without poses (feature-only maps) is in the frame of points that lie far apart
+/// (frames/points_anchor.h), and the report notes which. \throws SingularError that names a
+/// variable the measurements do not determine; CancelledError; InputError. Thread-safe for
+/// different calls; `graph` is only read.
 template <int D>
 JoinResult<D> join_all(const MeasurementGraph<D>& graph, const JoinOptions& options = {});
 

@@ -188,13 +188,17 @@ class LeafGrower {
       put(places_[maps.term_variable[index(t)]], Rigid<D>(),
           maps.values.data() + maps.term_value[index(t)], stamp, true);
     }
+    std::vector<double*> anchor;
     for (auto a = maps.anchor_start[at.row]; a < maps.anchor_start[at.row + 1]; ++a) {
       const int k = places_[maps.anchor_variables[index(a)]];
-      const std::vector<double> origin(index(all_.kind(scratch_.variables[index(k)]).value_size),
-                                       0.0);
-      put(k, Rigid<D>(), origin.data(), stamp,
-          true);  // pinned variables that are no terms: points at the origin
+      if (stamp_[index(k)] != stamp) {  // no term: pinned whole, so the frame knows it
+        std::fill_n(value(k), all_.kind(scratch_.variables[index(k)]).value_size, 0.0);
+        stamp_[index(k)] = stamp;
+        members_.push_back(k);
+      }
+      anchor.push_back(value(k));
     }
+    maps.anchors[at.row]->pin(anchor.data());
     return extract({observations_[o]});
   }
 

@@ -75,8 +75,8 @@ struct JoinReport {
   std::vector<std::string> notes;  ///< what a user should know, in sentences
 };
 
-/// The joined maps, one for each rigid piece, each in the frame of its lowest pose and ordered by
-/// that pose; and a report.
+/// The joined maps, one for each rigid piece, each in the frame of its lowest pose (or of points,
+/// where it has no pose) and ordered by the anchor; and a report.
 template <int D>
 struct JoinResult {
   std::vector<Map<D>> maps;

@@ -1,8 +1,14 @@
 #pragma once
 
+#include <fmt/format.h>
+
 #include <chrono>
+#include <optional>
+#include <utility>
 
 #include "mapjoin/frames/anchors.h"
+#include "mapjoin/frames/change_frame.h"
+#include "mapjoin/frames/points_anchor.h"
 #include "mapjoin/graph/piece.h"
 #include "mapjoin/joining/options.h"
 
@@ -29,6 +35,28 @@ Anchor<D> lowest_pose_anchor(const VariableSet<D>& all, const Piece<D>& piece) {
   if (c < 0 || piece.column_size(static_cast<std::size_t>(c)) == 0) return {};
   const int first = piece.column_start[static_cast<std::size_t>(c)];
   return pose_anchor<D>(all.key(piece.variables[static_cast<std::size_t>(first)]));
+}
+
+/// Writes a map without poses in the frame of points that lie far apart, and has the report say
+/// which. A map without such points either (walls alone) stays as it is: in no particular frame.
+template <int D>
+Map<D> into_points(Map<D> map, JoinReport& report) {
+  const std::optional<Anchor<D>> anchor = farthest_points(map.values);
+  if (!anchor) {
+    report.notes.push_back(
+        fmt::format("the piece of {} has neither a pose nor points that fix a frame: it is in no "
+                    "particular one",
+                    to_string(map.variables().key(0))));
+    return map;
+  }
+  report.notes.push_back(fmt::format(
+      "the piece of {} has no pose: it is in the frame of {}, points that are far apart",
+      to_string(map.variables().key(0)), to_string(*anchor)));
+  const bool informed = map.information.size() > 0;
+  if (!informed) map.information = SymmetricBlockMatrix(map.variables().offsets(), {});
+  map = change_frame(std::move(map), *anchor);
+  if (!informed) map.information = {};
+  return map;
 }
 
 /// The order of a result's maps.

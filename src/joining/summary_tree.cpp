@@ -54,9 +54,11 @@ int common_pose(const VariableSet<D>& all, const Started<D>& first, const Starte
   return -1;
 }
 
+/// The pose that a piece's first observation was made from; -1 where its frame is not a pose's.
 template <int D>
 int start_of(const ObservationList<D>& list, const Piece<D>& piece) {
-  return piece.variables[at(list.clique(0)[0])];
+  const int variable = piece.variables[at(list.clique(0)[0])];
+  return list.graph().variables.kind(variable).tag == Tag("pose") ? variable : -1;
 }
 
 /// Does any variable but one stand in more than one observation? Else the values are the
@@ -205,8 +207,8 @@ void collect_observations(const CliqueList& all, Piece<D>& piece, Places& places
   places.clear(piece.variables);
 }
 
-/// The joined summaries as maps in the frames of their lowest poses, judged by the observations of
-/// `graph`.
+/// The joined summaries as maps, judged by the observations of `graph`: in the frames of their
+/// lowest poses, or of points where they have none.
 template <int D>
 JoinResult<D> finish(const MeasurementGraph<D>& graph, std::vector<Started<D>> joined) {
   JoinResult<D> result;
@@ -231,6 +233,7 @@ JoinResult<D> finish(const MeasurementGraph<D>& graph, std::vector<Started<D>> j
     out.information = std::move(summary.information);
     out.anchor = anchor;
     out.solved_in = anchor;
+    if (anchor.keys.empty()) out = into_points(std::move(out), report);
     result.maps.push_back(std::move(out));
   }
   report.chi2_linear = report.chi2;
@@ -279,13 +282,13 @@ JoinResult<D> join_by_summaries(std::span<const Map<D>> maps, const MeasurementG
     if (at(node) < maps.size()) {
       const Map<D>& map = maps[at(node)];
       Started<D> out{{to_piece(graph.variables, map.values), map.information}, -1};
-      if (map.anchor.kind != nullptr)
+      if (is_pose_anchor(map.anchor))
         out.start = graph.variables.find(map.anchor.keys[0]).value_or(-1);
       return {std::move(out)};
     }
     std::vector<Started<D>> out = local_maps(links, stars[at(node) - maps.size()], desk);
     for (Started<D>& star : out) {  // from the numbers of the links to those of all
-      star.start = *graph.variables.find(links.variables.key(star.start));
+      if (star.start >= 0) star.start = *graph.variables.find(links.variables.key(star.start));
       star.summary.piece =
           to_piece(graph.variables, to_values(links.variables, star.summary.piece));
     }

@@ -1,8 +1,24 @@
 #include "mapjoin/solvers/gauge_scalars.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace mapjoin {
+
+std::vector<int> independent_rows(Eigen::MatrixXd rows, int count, double least) {
+  std::vector<int> out;
+  double largest = 0.0;
+  for (int step = 0; step < count; ++step) {
+    Eigen::Index best = 0;
+    const double length = std::sqrt(rows.rowwise().squaredNorm().maxCoeff(&best));
+    largest = std::max(largest, length);
+    if (least > 0.0 && !(length > least * largest)) return {};
+    out.push_back(static_cast<int>(best));
+    const Eigen::RowVectorXd direction = rows.row(best).normalized();
+    rows -= (rows * direction.transpose()) * direction;
+  }
+  return out;
+}
 
 template <int D>
 Eigen::MatrixXd gauge_rows(const VariableSet<D>& all, const Piece<D>& piece) {
@@ -35,28 +51,33 @@ std::vector<PieceScalar> gauge_scalars(const VariableSet<D>& all, const Piece<D>
     for (int s = 0; s < G; ++s) out.push_back({pose, s});
     return out;
   }
-  std::vector<PieceScalar> owner;
   for (int k = 0; k < piece.size(); ++k) {
     const int dim = all.dim(piece.variables[static_cast<std::size_t>(k)]);
-    for (int s = 0; s < dim; ++s) owner.push_back({k, s});
+    for (int s = 0; s < dim; ++s) out.push_back({k, s});
   }
-  Eigen::MatrixXd rows = gauge_rows(all, piece);
-  for (int step = 0; step < G; ++step) {
-    Eigen::Index best = 0;
-    rows.rowwise().squaredNorm().maxCoeff(&best);
-    out.push_back(owner[static_cast<std::size_t>(best)]);
-    const Eigen::RowVectorXd direction = rows.row(best).normalized();
-    rows -= (rows * direction.transpose()) * direction;
-  }
-  std::sort(out.begin(), out.end(), [](const PieceScalar& a, const PieceScalar& b) {
-    return std::pair(a.variable, a.scalar) < std::pair(b.variable, b.scalar);
-  });
+  return most_independent(all, piece, out);
+}
+
+template <int D>
+std::vector<PieceScalar> most_independent(const VariableSet<D>& all, const Piece<D>& piece,
+                                          const std::vector<PieceScalar>& candidates) {
+  const std::vector<int> offsets = offsets_of(all, piece);
+  std::vector<int> scalars;
+  for (const PieceScalar& c : candidates)
+    scalars.push_back(offsets[static_cast<std::size_t>(c.variable)] + c.scalar);
+  const Eigen::MatrixXd every = gauge_rows(all, piece);
+  std::vector<PieceScalar> out;
+  for (const int r : independent_rows(every(scalars, Eigen::all), kGauge<D>))
+    out.push_back(candidates[static_cast<std::size_t>(r)]);
+  std::sort(out.begin(), out.end());
   return out;
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                    \
-  template Eigen::MatrixXd gauge_rows<D>(const VariableSet<D>&, const Piece<D>&); \
-  template std::vector<PieceScalar> gauge_scalars<D>(const VariableSet<D>&, const Piece<D>&, int);
+#define MAPJOIN_INSTANTIATE(D)                                                                     \
+  template Eigen::MatrixXd gauge_rows<D>(const VariableSet<D>&, const Piece<D>&);                  \
+  template std::vector<PieceScalar> gauge_scalars<D>(const VariableSet<D>&, const Piece<D>&, int); \
+  template std::vector<PieceScalar> most_independent<D>(const VariableSet<D>&, const Piece<D>&,    \
+                                                        const std::vector<PieceScalar>&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)
 #undef MAPJOIN_INSTANTIATE

@@ -70,6 +70,18 @@ const double* ObservationList<D>::value(const Piece<D>& piece, int place) const 
 }
 
 template <int D>
+std::vector<PieceScalar> ObservationList<D>::anchor_scalars(std::int64_t k) const {
+  const auto& maps = graph_.submaps;
+  const std::size_t m = at(observation(k)) - (graph_.size() - maps.size());
+  std::vector<PieceScalar> out;
+  for (std::int64_t a = 0; a < maps.anchor_start[m + 1] - maps.anchor_start[m]; ++a) {
+    const std::int32_t variable = clique(k)[at(a)];
+    for (int s = 0; s < dims_[at(variable)]; ++s) out.push_back({variable, s});
+  }
+  return out;
+}
+
+template <int D>
 double ObservationList<D>::evaluate_values(std::int64_t k, std::span<const double* const> values,
                                            std::span<const std::int32_t> rows,
                                            const DenseTarget* target,

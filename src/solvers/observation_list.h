@@ -7,6 +7,7 @@
 
 #include "mapjoin/graph/block_matrix.h"
 #include "mapjoin/graph/piece.h"
+#include "mapjoin/solvers/gauge_scalars.h"
 #include "mapjoin/solvers/submap_kernel.h"
 
 namespace mapjoin {
@@ -29,6 +30,9 @@ class ObservationList {
   }
   /// The places of the variables of the k-th observation, its anchor's first.
   std::span<const std::int32_t> clique(std::int64_t k) const;
+
+  /// All scalars of the variables that the k-th observation, a local map, is anchored at.
+  std::vector<PieceScalar> anchor_scalars(std::int64_t k) const;
 
   /// Adds the k-th observation's normal equations to a target in which its variables start at
   /// `rows`; a null target only computes. \returns r^T I r.

@@ -54,7 +54,9 @@ void ObservationSystem<D>::plan(const Piece<D>& piece, std::span<const std::int3
   structure_ = analyze(list_.dims(), view, order);
 }
 
-/// Holds the pose that most observations touch, or scalars of features where there is no pose.
+/// Holds the pose that most observations touch. Where there is no pose, some scalars of the
+/// variables that the first local map is anchored at: they fix a frame, and weigh_held chooses when
+/// it sees how they lie.
 template <int D>
 void ObservationSystem<D>::hold_gauge(const Piece<D>& piece) {
   int pose = -1;
@@ -66,8 +68,10 @@ void ObservationSystem<D>::hold_gauge(const Piece<D>& piece) {
     const auto end = count.begin() + piece.column_start[at(column) + 1];
     pose = static_cast<int>(std::max_element(begin, end) - count.begin());
   }
-  for (const PieceScalar& s : gauge_scalars(graph_.variables, piece, pose))
-    held_.push_back({s.variable, s.scalar, 0, 0.0});
+  const bool choose = pose < 0 && list_.size() > 0;
+  for (const PieceScalar& s :
+       choose ? list_.anchor_scalars(0) : gauge_scalars(graph_.variables, piece, pose))
+    held_.push_back({s, 0, 0.0});
   for (std::size_t h = 0; h < held_.size(); ++h) {
     const bool same = h > 0 && held_[h].variable == held_[h - 1].variable;
     if (!same) {
@@ -83,6 +87,13 @@ void ObservationSystem<D>::hold_gauge(const Piece<D>& piece) {
 template <int D>
 void ObservationSystem<D>::weigh_held(const Piece<D>& piece) {
   constexpr int kEnough = 64;  // observations of a variable to look at
+  if (held_.size() > static_cast<std::size_t>(kGauge<D>)) {
+    const std::vector<PieceScalar> candidates(held_.begin(), held_.end());
+    const auto chosen = most_independent(graph_.variables, piece, candidates);
+    std::erase_if(held_, [&](const PieceScalar& s) {
+      return !std::binary_search(chosen.begin(), chosen.end(), s);
+    });
+  }
   SubmapScratch scratch;
   Eigen::MatrixXd H;
   int seen = 0;
@@ -228,7 +239,6 @@ std::vector<std::int32_t> ObservationSystem<D>::held_rows(std::int32_t root, con
     rows.push_back(row);
     row += structure_.dims[at(v)];
   }
-  // No pose: Gram-Schmidt with pivoting over the gauge rows of the shared variables.
   Eigen::MatrixXd g(row, G), block;
   std::size_t k = 0;
   for (const std::int32_t position : structure_.updates_of(root)) {
@@ -239,16 +249,7 @@ std::vector<std::int32_t> ObservationSystem<D>::held_rows(std::int32_t root, con
     g.middleRows(rows[k++], kind.dim) = block;
   }
   if (row < G) return out;
-  double largest = 0.0;
-  for (int step = 0; step < G; ++step) {
-    Eigen::Index best = 0;
-    const double length = std::sqrt(g.rowwise().squaredNorm().maxCoeff(&best));
-    largest = std::max(largest, length);
-    if (!(length > 1e-3 * largest)) return {};
-    out.push_back(static_cast<std::int32_t>(best));
-    const Eigen::RowVectorXd direction = g.row(best) / length;
-    g -= (g * direction.transpose()) * direction;
-  }
+  for (const int r : independent_rows(std::move(g), G, 1e-3)) out.push_back(r);
   return out;
 }
 

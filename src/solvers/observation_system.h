@@ -83,9 +83,7 @@ class ObservationSystem {
     std::vector<std::int32_t> offsets;  ///< pairs: rows in the owner's front
     std::vector<std::int64_t> front;    ///< per front: first entry
   };
-  struct Held {
-    int variable = 0;         ///< place in the piece
-    int scalar = 0;           ///< of its tangent
+  struct Held : PieceScalar {
     std::int64_t clique = 0;  ///< that holds this variable alone
     double weight = 1.0;
   };

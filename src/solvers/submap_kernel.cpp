@@ -119,7 +119,7 @@ AnchorState<D> anchor_state(const MeasurementGraph<D>& graph, std::size_t observ
     keys.push_back(graph.variables.key(maps.anchor_variables[at(first + a)]));
   AnchorState<D> state;
   state.into = kind.frame(values, keys.data());
-  if (count == 1 && keys[0].type == Tag("pose")) {
+  if (kind.tag == Tag("pose")) {
     state.identity = true;
     return state;
   }

@@ -24,10 +24,10 @@ class CeresReference {
   CeresReference() = default;
   explicit CeresReference(const MeasurementGraph<D>& graph) { add(graph); }
 
-  /// Observations from poses; terms may repeat a key.
+  /// Observations in the frames of poses or of points; terms may repeat a key.
   void add(const LocalMap<D>& map) {
     Observation out;
-    out.anchor = map.anchor.keys.at(0);
+    out.anchor = map.anchor.keys;
     const double* x = map.values.data();
     for (std::size_t k = 0; k < map.keys.size(); ++k) {
       out.terms.push_back(map.keys[k]);
@@ -41,7 +41,7 @@ class CeresReference {
     for (const auto& c : graph.relative) {
       for (std::size_t k = 0; k < c.size(); ++k) {
         Observation out;
-        out.anchor = graph.variables.key(c.from[k]);
+        out.anchor = {graph.variables.key(c.from[k])};
         out.terms = {graph.variables.key(c.to[k])};
         out.measured = {state(out.terms[0], c.z.data() + k * at(c.kind->value_size))};
         out.root = root_of(Eigen::Map<const Eigen::MatrixXd>(
@@ -52,7 +52,8 @@ class CeresReference {
     const auto& maps = graph.submaps;
     for (std::size_t m = 0; m < maps.size(); ++m) {
       Observation out;
-      out.anchor = graph.variables.key(maps.anchor_variables[at(maps.anchor_start[m])]);
+      for (auto a = at(maps.anchor_start[m]); a < at(maps.anchor_start[m + 1]); ++a)
+        out.anchor.push_back(graph.variables.key(maps.anchor_variables[a]));
       std::vector<int> first{0};
       for (auto t = at(maps.term_start[m]); t < at(maps.term_start[m + 1]); ++t) {
         out.terms.push_back(graph.variables.key(maps.term_variable[t]));
@@ -134,7 +135,7 @@ class CeresReference {
     bool pose = false;
   };
   struct Observation {
-    Key anchor;
+    std::vector<Key> anchor;
     std::vector<Key> terms;
     std::vector<State> measured;
     Eigen::MatrixXd root;  // root^T root is the information
@@ -212,11 +213,33 @@ class CeresReference {
       }
       R = base * turn;
     }
+    /// The frame of the anchor in that of the estimate: a pose's, or (B.2) and (B.3) of Linear
+    /// SLAM.
+    template <class T>
+    void frame(T const* const* d, Matrix<T>& R, Vector<T>& t) const {
+      retract(base[0], d[0], R, t);
+      if (base[0].pose) return;
+      Matrix<T> unused;
+      Vector<T> x, y;
+      retract(base[1], d[1], unused, x);
+      const Vector<T> v1 = x - t;
+      if constexpr (D == 2) {
+        const T norm = v1.norm();
+        R << v1(0) / norm, -v1(1) / norm, v1(1) / norm, v1(0) / norm;
+      } else {
+        retract(base[2], d[2], unused, y);
+        const Vector<T> v3 = v1.cross(y - t);
+        const Vector<T> v2 = v3.cross(v1);
+        R.col(0) = v1 / v1.norm();
+        R.col(1) = v2 / v2.norm();
+        R.col(2) = v3 / v3.norm();
+      }
+    }
     template <class T>
     bool operator()(T const* const* d, T* out) const {
       Matrix<T> Ra, R;
       Vector<T> ta, t;
-      retract(base[0], d[0], Ra, ta);
+      frame(d, Ra, ta);
       Eigen::Matrix<T, Eigen::Dynamic, 1> r(observation->root.cols());
       Eigen::Index row = 0;
       for (std::size_t k = 0; k < block.size(); ++k) {
@@ -266,7 +289,7 @@ class CeresReference {
     void add(const Observation& o) {
       auto residual = std::make_unique<Residual>();
       residual->observation = &o;
-      std::vector<Key> blocks{o.anchor};
+      std::vector<Key> blocks = o.anchor;
       for (const Key& key : o.terms) {
         auto found = std::find(blocks.begin(), blocks.end(), key);
         if (found == blocks.end()) found = blocks.insert(blocks.end(), key);

@@ -15,6 +15,7 @@
 
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/gauge.h"
+#include "mapjoin/frames/points_anchor.h"
 #include "mapjoin/graph/builtin_types.h"
 #include "mapjoin/graph/map.h"
 #include "mapjoin/graph/measurement_graph.h"
@@ -102,6 +103,20 @@ inline std::vector<std::uint64_t> ids(int n, std::uint64_t first = 0) {
   std::vector<std::uint64_t> out(static_cast<std::size_t>(n));
   std::iota(out.begin(), out.end(), first);
   return out;
+}
+
+/// The frame of points, by their ids.
+inline Anchor<2> two_points(std::uint64_t origin, std::uint64_t on_x) {
+  return points_anchor(point_key(origin), point_key(on_x));
+}
+inline Anchor<3> three_points(std::uint64_t origin, std::uint64_t on_x, std::uint64_t at_y) {
+  return points_anchor(point_key(origin), point_key(on_x), point_key(at_y));
+}
+/// The frame of the first of the given points, two or three of them.
+template <int D>
+Anchor<D> points_of(const std::vector<std::uint64_t>& points) {
+  if constexpr (D == 2) return two_points(points.at(0), points.at(1));
+  if constexpr (D == 3) return three_points(points.at(0), points.at(1), points.at(2));
 }
 
 /// Random sparse information over all variables, zero where the anchor pins: definite without the
@@ -249,14 +264,14 @@ RandomGraph<D> random_graph(Dice& dice, const GraphShape& shape) {
   return {std::move(builder).build(), std::move(truth).build()};
 }
 
-/// A local map of its own terms: values from `all` in the frame of pose `anchor`, with noise, and a
+/// A local map of its own terms: values from `all` in the frame of the anchor, with noise, and a
 /// dense random information that couples every term with every other.
 template <int D>
-LocalMap<D> random_local_map(Dice& dice, const Values<D>& all, std::uint64_t anchor,
+LocalMap<D> random_local_map(Dice& dice, const Values<D>& all, const Anchor<D>& anchor,
                              const std::vector<Key>& terms, double noise) {
   LocalMap<D> map;
-  map.anchor = pose_anchor<D>(pose_key(anchor));
-  const Rigid<D> into = all.pose(pose_key(anchor)).inverse();
+  map.anchor = anchor;
+  const Rigid<D> into = motion_into(anchor, all);
   std::vector<int> offsets{0};
   for (const Key& key : terms) {
     if (key.type == Tag("pose")) {
@@ -268,8 +283,25 @@ LocalMap<D> random_local_map(Dice& dice, const Values<D>& all, std::uint64_t anc
     }
     offsets.push_back(offsets.back() + map.kinds.back()->dim);
   }
-  map.information = SymmetricBlockMatrix::from_dense(offsets, dice.definite(offsets.back(), 100.0));
+  Eigen::MatrixXd I = dice.definite(offsets.back(), 100.0);
+  // Points of the frame: point k keeps its first k coordinates, the others are what they are.
+  double* x = map.values.data();
+  for (std::size_t k = 0; k < terms.size(); x += map.kinds[k++]->value_size) {
+    if (is_pose_anchor(anchor)) break;
+    const auto found = std::find(anchor.keys.begin(), anchor.keys.end(), terms[k]);
+    for (auto s = found - anchor.keys.begin(); s < D; ++s) {
+      x[s] = 0.0;
+      I.row(offsets[k] + s).setZero();
+      I.col(offsets[k] + s).setZero();
+    }
+  }
+  map.information = SymmetricBlockMatrix::from_dense(offsets, I);
   return map;
+}
+template <int D>
+LocalMap<D> random_local_map(Dice& dice, const Values<D>& all, std::uint64_t anchor,
+                             const std::vector<Key>& terms, double noise) {
+  return random_local_map(dice, all, pose_anchor<D>(pose_key(anchor)), terms, noise);
 }
 
 /// Largest difference of two sets of values of the same variables, in their tangents.

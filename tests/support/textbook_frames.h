@@ -109,7 +109,8 @@ Eigen::Matrix<S, Eigen::Dynamic, 1> minus(const std::vector<Thing<D, S>>& y,
 template <int D>
 struct TextbookFrame {
   int first = 0;    ///< number of the pose, or of the point at the origin
-  int second = -1;  ///< number of the point on the x axis, for a frame of two points
+  int second = -1;  ///< number of the point on the x axis, for a frame of points
+  int third = -1;   ///< number of the point in the x-y plane, for a frame of points in space
   std::vector<int> pinned;
 
   template <class S>
@@ -125,6 +126,22 @@ struct TextbookFrame {
         const Vec<2, S> axis = x[static_cast<std::size_t>(second)].t - origin.t;
         const S angle = atan2(axis(1), axis(0));
         out.R << cos(angle), sin(angle), -sin(angle), cos(angle);
+      }
+    }
+    if constexpr (D == 3) {
+      if (third >= 0) {  // (B.3), (B.4)
+        const auto cross = [](const Vec<3, S>& a, const Vec<3, S>& b) {
+          return Vec<3, S>(a(1) * b(2) - a(2) * b(1), a(2) * b(0) - a(0) * b(2),
+                           a(0) * b(1) - a(1) * b(0));
+        };
+        const Vec<3, S> v1 = x[static_cast<std::size_t>(second)].t - origin.t;
+        const Vec<3, S> v3 = cross(v1, x[static_cast<std::size_t>(third)].t - origin.t);
+        const Vec<3, S> axes[3] = {v1, cross(v3, v1), v3};
+        for (int k = 0; k < 3; ++k) {
+          using std::sqrt;
+          const S norm = sqrt(axes[k].dot(axes[k]));
+          for (int s = 0; s < 3; ++s) out.R(k, s) = axes[k](s) / norm;
+        }
       }
     }
     out.t = -Vec<D, S>(out.R * origin.t);
@@ -152,9 +169,13 @@ TextbookFrame<D> frame_of(const Anchor<D>& anchor, const Values<D>& values) {
   out.first = values.variables().require(anchor.keys[0], "test");
   const int offset = values.variables().offset(out.first);
   for (int s = 0; s < values.variables().dim(out.first); ++s) out.pinned.push_back(offset + s);
-  if (anchor.keys.size() == 2) {
+  if (anchor.keys.size() >= 2) {
     out.second = values.variables().require(anchor.keys[1], "test");
-    out.pinned.push_back(values.variables().offset(out.second) + 1);
+    for (int s = 1; s < D; ++s) out.pinned.push_back(values.variables().offset(out.second) + s);
+  }
+  if (anchor.keys.size() == 3) {
+    out.third = values.variables().require(anchor.keys[2], "test");
+    out.pinned.push_back(values.variables().offset(out.third) + 2);
   }
   return out;
 }

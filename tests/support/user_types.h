@@ -1,12 +1,9 @@
-// What a user of the library might add: variable types and a kind of anchor of their own.
+// What a user of the library might add: variable types of their own.
 #pragma once
 
 #include <cmath>
-#include <vector>
 
-#include "mapjoin/frames/anchors.h"
 #include "mapjoin/graph/builtin_types.h"
-#include "mapjoin/graph/error.h"
 
 namespace mapjoin::test {
 
@@ -66,38 +63,5 @@ struct BiasType {
 };
 
 static_assert(VariableType<Wall> && VariableType<BiasType<2>> && VariableType<BiasType<3>>);
-
-/// The frame of two points of the plane: one at the origin, the other on the x axis.
-inline constexpr Tag kTwoPoints[] = {Tag("point"), Tag("point")};
-inline const AnchorKind<2>& two_points_kind() {
-  static const AnchorKind<2> kind = [] {
-    AnchorKind<2> out;
-    out.tag = Tag("points");
-    out.arity = 2;
-    out.types = kTwoPoints;
-    out.tangent = 4;
-    out.frame = [](const double* const* x, const Key* keys) {
-      const double dx = x[1][0] - x[0][0];
-      const double dy = x[1][1] - x[0][1];
-      if (std::hypot(dx, dy) < 1e-9) {
-        throw DegenerateFrameError(to_string(keys[0]) + " and " + to_string(keys[1]) +
-                                   " are at the same place");
-      }
-      const Rigid2 pose = rigid2(x[0][0], x[0][1], std::atan2(dy, dx));
-      return pose.inverse();
-    };
-    out.rows = [](const double* const*, double* P) {
-      Eigen::Map<Eigen::Matrix<double, 3, 4>> rows(P);
-      rows.setZero();
-      rows(0, 0) = rows(1, 1) = rows(2, 3) = 1.0;
-    };
-    out.pin = [](double* const* x) { x[0][0] = x[0][1] = x[1][1] = 0.0; };
-    return out;
-  }();
-  return kind;
-}
-inline Anchor<2> two_points(std::uint64_t origin, std::uint64_t axis) {
-  return {&two_points_kind(), {point_key(origin), point_key(axis)}};
-}
 
 }  // namespace mapjoin::test

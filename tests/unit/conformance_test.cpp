@@ -3,6 +3,9 @@
 #include <gtest/gtest-spi.h>
 #include <gtest/gtest.h>
 
+#include "examples/level_anchor.h"
+#include "examples/line_anchor.h"
+#include "mapjoin/frames/points_anchor.h"
 #include "mapjoin/frames/testing/anchor_conformance.h"
 #include "mapjoin/graph/builtin_types.h"
 #include "mapjoin/graph/testing/variable_conformance.h"
@@ -17,6 +20,8 @@ using testing::random_motion;
 using testing::random_vector;
 using Bias2 = test::BiasType<2>;
 using Bias3 = test::BiasType<3>;
+using ExampleLine = own::Line;
+using ExampleDirection = own::Direction;
 
 template <int D>
 Rigid<D> some_pose(Generator& generator) {
@@ -37,6 +42,12 @@ Vec<D> some_point(Generator& generator) {
 Wall::Value<double> some_wall(Generator& generator) {
   return {testing::uniform(generator, -3.2, 3.2), testing::uniform(generator, -10.0, 10.0)};
 }
+own::Line::Value<double> some_line(Generator& generator) {
+  return {testing::uniform(generator, -3.2, 3.2), testing::uniform(generator, -10.0, 10.0)};
+}
+Vec<3> some_direction(Generator& generator) {
+  return random_vector<3>(generator, 1.0).normalized();
+}
 Vec<1> some_bias(Generator& generator) { return random_vector<1>(generator, 5.0); }
 
 MAPJOIN_TEST_VARIABLE(Pose2, some_pose<2>);
@@ -46,6 +57,8 @@ MAPJOIN_TEST_VARIABLE(Point3, some_point<3>);
 MAPJOIN_TEST_VARIABLE(Wall, some_wall);
 MAPJOIN_TEST_VARIABLE(Bias2, some_bias);
 MAPJOIN_TEST_VARIABLE(Bias3, some_bias);
+MAPJOIN_TEST_VARIABLE(ExampleLine, some_line);
+MAPJOIN_TEST_VARIABLE(ExampleDirection, some_direction);
 
 template <int D>
 std::pair<Values<D>, Anchor<D>> some_map(Generator& generator) {
@@ -56,13 +69,34 @@ std::pair<Values<D>, Anchor<D>> some_map(Generator& generator) {
   }
   return {std::move(builder).build(), pose_anchor<D>(pose_key(generator() % 4))};
 }
-std::pair<Values<2>, Anchor<2>> some_map_of_points(Generator& generator) {
-  return {some_map<2>(generator).first, test::two_points(generator() % 2, 2 + generator() % 2)};
+std::pair<Values<2>, Anchor<2>> some_two_points(Generator& generator) {
+  return {some_map<2>(generator).first,
+          points_anchor(point_key(generator() % 2), point_key(2 + generator() % 2))};
+}
+std::pair<Values<3>, Anchor<3>> some_three_points(Generator& generator) {
+  const std::uint64_t first = generator() % 4;
+  return {some_map<3>(generator).first,
+          points_anchor(point_key(first), point_key((first + 1) % 4), point_key((first + 2) % 4))};
+}
+std::pair<Values<2>, Anchor<2>> some_line_and_point(Generator& generator) {
+  ValuesBuilder<2> builder;
+  builder.add<own::Line>(own::line_key(7), some_line(generator));
+  builder.add<Point2>(point_key(3), random_vector<2>(generator, 10.0));
+  return {std::move(builder).build(), own::line_anchor(7, 3)};
+}
+std::pair<Values<3>, Anchor<3>> some_level_pose(Generator& generator) {
+  ValuesBuilder<3> builder;
+  builder.add<Pose3>(pose_key(5), random_motion<3>(generator));
+  builder.add<own::Direction>(own::up_key(0), some_direction(generator));
+  return {std::move(builder).build(), own::level_anchor(5, 0)};
 }
 
 MAPJOIN_TEST_ANCHOR(Pose2, 2, some_map<2>);
 MAPJOIN_TEST_ANCHOR(Pose3, 3, some_map<3>);
-MAPJOIN_TEST_ANCHOR(TwoPoints, 2, some_map_of_points);
+MAPJOIN_TEST_ANCHOR(TwoPoints, 2, some_two_points);
+MAPJOIN_TEST_ANCHOR(ThreePoints, 3, some_three_points);
+MAPJOIN_TEST_ANCHOR(ExampleLineAndPoint, 2, some_line_and_point);
+MAPJOIN_TEST_ANCHOR(ExampleLevelPose, 3, some_level_pose);
 
 // The suite must notice what is wrong: types with one law broken each.
 struct WrongAction : Wall {

@@ -69,6 +69,20 @@ TYPED_TEST(ChangeFrame, IsThePapersFormulaBetweenPoses) {
   }
 }
 
+TEST(ChangeFrameOf, IsThePapersFormulaBetweenPosesAndTriplesOfPoints) {
+  for (std::uint64_t seed = 1; seed <= 15; ++seed) {
+    SCOPED_TRACE(seed);
+    Dice dice(seed);
+    const Map<3> at_pose = some_map<3>(dice);
+    const Anchor<3> points = three_points(11, 13, 10);
+    compare_with_textbook<3>(at_pose, points);
+    const Map<3> at_points = map_of<3>(dice, at_pose.values, points);
+    compare_with_textbook<3>(at_points, three_points(12, 10, 14));
+    compare_with_textbook<3>(at_points, three_points(13, 10, 11));
+    compare_with_textbook<3>(at_points, pose_anchor<3>(pose_key(4)));
+  }
+}
+
 TEST(ChangeFrameOf, IsThePapersFormulaBetweenPosesAndPairsOfPoints) {
   for (std::uint64_t seed = 1; seed <= 15; ++seed) {
     SCOPED_TRACE(seed);

@@ -8,7 +8,6 @@
 #include "mapjoin/frames/local_map.h"
 #include "tests/support/random_maps.h"
 #include "tests/support/textbook_frames.h"
-#include "tests/support/user_types.h"
 
 namespace mapjoin {
 namespace {
@@ -88,6 +87,8 @@ TEST(CompleteGaugeOf, AnyAnchorNotOnlyPoses) {
     Dice dice(seed);
     check(sample_at<2>(dice, two_points(seed % 2 == 0 ? 4 : 1, seed % 3 == 0 ? 0 : 3)));
     check(sample_at<2>(dice, two_points(1, 3), 0, 5));  // a map of features alone
+    check(sample_at<3>(dice, three_points(seed % 2 == 0 ? 4 : 1, 3, seed % 3 == 0 ? 0 : 2)));
+    check(sample_at<3>(dice, three_points(4, 0, 2), 0, 5));
   }
 }
 
