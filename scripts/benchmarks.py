@@ -78,7 +78,7 @@ def processor():
     return platform.machine()
 
 
-def page(options, comparison, kernel_table, svg, seconds):
+def page(options, comparison, kernel_table, svg, load, seconds):
     command = "scripts/benchmarks.py" + (" --quick" if options.quick else "")
     return (f"# Benchmarks\n\nWritten by `{command}`; not edited by hand. `$DATA` is ../shared/data. To "
             "repeat it:\n\n```sh\ncmake --preset release -DMAPJOIN_BUILD_BENCHMARKS=ON\n"
@@ -90,7 +90,7 @@ def page(options, comparison, kernel_table, svg, seconds):
             f"![Time to the optimum in factorisations by CHOLMOD]({svg.name})\n\n{comparison}\n"
             f"## Kernels\n\nOn simulated worlds, streets in the plane and corridors in space; one thread "
             f"where the name does not say two.\n\n{kernel_table}\n## The machine\n\n{processor()}, "
-            f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f} at the end; "
+            f"{os.cpu_count()} processors, load {load:.1f} before it began; "
             f"{platform.system()}. All of this took {seconds / 60:.0f} minutes.\n")
 
 
@@ -115,11 +115,14 @@ def main():
                      "-DMAPJOIN_BUILD_BENCHMARKS=ON, or say --build")
     output = options.output or (None if options.quick else HERE / "docs" / "benchmarks.md")
 
-    start = time.monotonic()
+    start, load = time.monotonic(), os.getloadavg()[0]
+    if load > 0.5:
+        print(f"benchmarks.py: warning: the machine is busy (load {load:.1f}); figures to be kept want "
+              "an idle one", file=sys.stderr)
     with tempfile.TemporaryDirectory(prefix="mapjoin_benchmarks_") as scratch:
         svg = output.with_suffix(".svg") if output else Path(scratch) / "benchmarks.svg"
         comparison, reached = compare(options, graphs(Path(options.data)), svg)
-        text = page(options, comparison, kernels(options), svg, time.monotonic() - start)
+        text = page(options, comparison, kernels(options), svg, load, time.monotonic() - start)
     if output:
         output.write_text(text)
     else:
