@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <ctime>
+#include <filesystem>
 #include <fstream>
 #include <numeric>
 #include <sstream>
@@ -110,6 +111,17 @@ std::vector<double> Contender::phase_seconds() const {
     out.push_back(median_of(runs, [p](const Measured& m) { return m.phases[p]; }));
   }
   return out;
+}
+
+std::string blas_in_use() {
+  void* const function = dlsym(RTLD_DEFAULT, "dgemm_");
+  Dl_info info = {};
+  if (function == nullptr || dladdr(function, &info) == 0 || info.dli_fname == nullptr) {
+    return "unknown";
+  }
+  std::error_code failed;
+  const auto file = std::filesystem::canonical(info.dli_fname, failed);
+  return failed ? info.dli_fname : file.string();
 }
 
 Allowance::Allowance(int threads) {

@@ -69,6 +69,9 @@ struct Contender {
 /// Single-threaded contenders all run on one and the same processor.
 void race(std::span<Contender> contenders, int repeat, double slow);
 
+/// The file that the BLAS in use comes from: part of any figure of CHOLMOD's.
+std::string blas_in_use();
+
 /// While one lives, the program has so many processors, and BLAS so many threads. Gives back what
 /// was before.
 class Allowance {

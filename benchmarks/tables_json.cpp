@@ -42,6 +42,7 @@ Json figures(const ThreadFigures& t) {
 std::string json(std::span<const Comparison> comparisons, const ComparisonOptions& options) {
   Json out;
   out["repeat"] = options.repeat;
+  out["blas"] = blas_in_use();
   out["data_sets"] = Json::array();
   for (const Comparison& c : comparisons) {
     Json one;
