@@ -39,6 +39,14 @@ Function* openblas(const char* name) {
   return reinterpret_cast<Function*>(dlsym(RTLD_DEFAULT, name));
 }
 
+/// For all threads that there are: those that BLAS keeps, too, were started under some allowance.
+void move_to(const cpu_set_t& set) {
+  std::error_code ignored;
+  for (const auto& task : std::filesystem::directory_iterator("/proc/self/task", ignored)) {
+    sched_setaffinity(static_cast<pid_t>(std::stol(task.path().filename())), sizeof set, &set);
+  }
+}
+
 double processor_seconds() {
   timespec t = {};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
@@ -125,8 +133,7 @@ std::string blas_in_use() {
 }
 
 Allowance::Allowance(int threads) {
-  const cpu_set_t& set = threads == 1 ? processors().one : processors().all;
-  sched_setaffinity(0, sizeof set, &set);
+  move_to(threads == 1 ? processors().one : processors().all);
   if (auto* const get = openblas<int()>("openblas_get_num_threads")) blas_before_ = get();
   if (auto* const set_blas = openblas<void(int)>("openblas_set_num_threads")) set_blas(threads);
 }
@@ -135,7 +142,7 @@ Allowance::~Allowance() {
   if (auto* const set_blas = openblas<void(int)>("openblas_set_num_threads")) {
     set_blas(std::max(1, blas_before_));
   }
-  sched_setaffinity(0, sizeof processors().all, &processors().all);
+  move_to(processors().all);
 }
 
 void race(std::span<Contender> contenders, int repeat, double slow) {
