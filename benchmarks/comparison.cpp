@@ -117,6 +117,7 @@ std::vector<ThreadFigures> race_all(const Problem<D>& problem, const FinalSystem
   }
   first.push_back(all.size());
   race(all, options.repeat, options.slow);
+  for (Contender& c : all) c.run = nullptr;  // what it refers to ends before its figures do
 
   std::vector<ThreadFigures> figures;
   const auto from = [&](std::size_t k) { return all.begin() + static_cast<std::ptrdiff_t>(k); };

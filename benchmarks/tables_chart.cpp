@@ -22,6 +22,21 @@ double scale_of(std::span<const Comparison> comparisons) {
   return kWidth / (1.05 * largest);
 }
 
+/// Names come from files, which may be called anything.
+std::string escaped(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '&') {
+      out += "&amp;";
+    } else if (c == '<') {
+      out += "&lt;";
+    } else {
+      out += c;
+    }
+  }
+  return out;
+}
+
 std::string text(double x, double y, const char* anchor, const std::string& what) {
   return fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\">{}</text>\n", x, y, anchor,
                      what);
@@ -46,7 +61,7 @@ std::string chart(std::span<const Comparison> comparisons) {
   double y = kTop;
   for (const Comparison& c : comparisons) {
     const double height = kBar * static_cast<double>(c.threads.size());
-    bars += text(kLeft - 8, y + 0.5 * height + 3, "end", c.name);
+    bars += text(kLeft - 8, y + 0.5 * height + 3, "end", escaped(c.name));
     for (std::size_t t = 0; t < c.threads.size(); ++t, y += kBar) {
       const double ratio = c.threads[t].ratio();
       bars += bar(y, ratio * scale, kColours[t % kColours.size()], ratio);
