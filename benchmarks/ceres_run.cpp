@@ -70,6 +70,18 @@ Eigen::Matrix<T, D, 1> seen_from(const T* pose, const T* position) {
   return rotation_of<D>(pose).transpose() * step;
 }
 
+/// M v without making M's constants numbers with derivatives first.
+template <int N, class T>
+Eigen::Matrix<T, N, 1> times(const Eigen::Matrix<double, N, N>& M,
+                             const Eigen::Matrix<T, N, 1>& v) {
+  Eigen::Matrix<T, N, 1> out;
+  for (int i = 0; i < N; ++i) {
+    out(i) = M(i, 0) * v(0);
+    for (int j = 1; j < N; ++j) out(i) += M(i, j) * v(j);
+  }
+  return out;
+}
+
 /// U (R_z^T (t - t_z), rotation vector of R_z^T R) of a measured relative pose.
 template <int D>
 struct PoseResidual {
@@ -86,7 +98,7 @@ struct PoseResidual {
     Eigen::Matrix<T, N, 1> r;
     Eigen::Matrix<T, D, 1> seen = seen_from<D>(a, b);
     for (int k = 0; k < D; ++k) seen(k) -= z[static_cast<std::size_t>(k)];
-    r.template head<D>() = turn.template cast<T>() * seen;
+    r.template head<D>() = times(turn, seen);
     if constexpr (D == 2) {
       r(2) = wrapped(T(b[2] - a[2] - z[2]));
     } else {
@@ -98,7 +110,7 @@ struct PoseResidual {
       ceres::QuaternionToAngleAxis(wxyz.data(), r.data() + 3);
     }
     Eigen::Map<Eigen::Matrix<T, N, 1>> result(out);
-    result = root.template cast<T>() * r;
+    result = times(root, r);
     return true;
   }
 };
@@ -111,7 +123,9 @@ struct PointResidual {
   template <class T>
   bool operator()(const T* pose, const T* point, T* out) const {
     Eigen::Map<Eigen::Matrix<T, D, 1>> result(out);
-    result = root.template cast<T>() * (seen_from<D>(pose, point) - z.template cast<T>());
+    Eigen::Matrix<T, D, 1> seen = seen_from<D>(pose, point);
+    for (int k = 0; k < D; ++k) seen(k) -= z(k);
+    result = times(root, seen);
     return true;
   }
 };
