@@ -1,0 +1,128 @@
+// mapjoin_benchmark: how long it takes to the optimum, measured in factorisations. See --help.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <fstream>
+
+#include "benchmarks/tables.h"
+#include "mapjoin/graph/error.h"
+
+namespace mapjoin::benchmarks {
+
+namespace {
+
+constexpr int kMissed = 1;
+constexpr int kBadInput = 2;
+
+constexpr const char* kHelp =
+    R"(Seconds from measurements in memory to the least squares optimum, without initial values, beside
+the two things that they can be compared with on the same machine:
+
+  one factorisation   ordering, analysis, numeric factorisation and one solve of the final
+                      information matrix by CHOLMOD: what every step of any sparse solver takes at
+                      least. Each of CHOLMOD's variants is run, and the fastest counts. The ratio of
+                      both times hardly depends on the machine: "2.5" says that a whole run takes as
+                      long as two and a half linear solves.
+  Ceres               the same problem from a spanning tree, stopped as soon as it is near enough.
+
+Everything is run in turn, round by round, and medians are printed: a busy machine then disturbs all
+alike. For figures to be kept, run on an idle one. With one thread everything stays on one processor
+and BLAS has one thread too.)";
+
+constexpr const char* kExamples = R"(Worlds: manhattan, sphere, grid3d, landmarks2d, landmarks3d
+
+Exit codes: 0 done; 1 some result is not the optimum within 1e-6 of chi2 (the table says which);
+2 bad input or usage.
+
+Examples:
+  mapjoin_benchmark data/pose_graphs/*.g2o --json times.json --svg ratios.svg
+  mapjoin_benchmark --simulate manhattan:100000 --simulate grid3d:20000 --repeat 3 --skip-ceres
+  mapjoin_benchmark victoria_park_200/ --threads 1
+)";
+
+struct Arguments {
+  std::vector<std::string> inputs;
+  std::vector<std::string> worlds;
+  std::uint64_t seed = 1;
+  std::string json, svg;
+  bool skip_ceres = false;
+  ComparisonOptions options;
+};
+
+void add_options(CLI::App& app, Arguments& a) {
+  app.add_option("inputs", a.inputs, "Measurement graphs (.g2o) and folders of localmap_K.txt")
+      ->type_name("GRAPH.g2o|FOLDER");
+  app.add_option("--simulate", a.worlds, "A simulated world of so many poses; may be repeated")
+      ->type_name("WORLD:POSES")
+      ->allow_extra_args(false);
+  app.add_option("--seed", a.seed, "Of the simulated worlds")->capture_default_str();
+  app.add_option("--threads", a.options.threads, "Numbers of threads to run with, as 1,2")
+      ->delimiter(',')
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  app.add_option("--repeat", a.options.repeat, "Rounds to take the median of")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_option("--slow", a.options.slow, "What takes longer than so many seconds is run once")
+      ->capture_default_str();
+  app.add_flag("--skip-ceres", a.skip_ceres, "Do not run Ceres");
+  app.add_option("--ceres-limit", a.options.ceres_limit, "Seconds after which Ceres is stopped")
+      ->capture_default_str();
+  app.add_option("--json", a.json, "Write all figures to this file")->type_name("FILE");
+  app.add_option("--svg", a.svg, "Write a chart of the ratios to this file")->type_name("FILE");
+}
+
+void write(const std::string& path, const std::string& text) {
+  if (path.empty()) return;
+  std::ofstream file(path, std::ios::binary);
+  file << text << std::flush;
+  if (!file) throw FileError(fmt::format("cannot write {}", path));
+}
+
+int run(const Arguments& a) {
+  std::vector<Comparison> comparisons;
+  const auto take = [&](const AnyProblem& problem) {
+    comparisons.push_back(compare(problem, a.options));
+    const Comparison& c = comparisons.back();
+    fmt::print(stderr, "{}: {} times one factorisation{}\n", c.name,
+               fmt::format("{:.2f}", c.threads.front().ratio()),
+               c.reached() ? "" : ", but NOT at the optimum");
+  };
+  for (const std::string& path : a.inputs) take(read_problem(path));
+  for (const std::string& world : a.worlds) take(simulate_problem(world, a.seed));
+  if (comparisons.empty()) {
+    throw InputError("nothing to measure: name a .g2o file, a folder of local maps or --simulate");
+  }
+  fmt::print("{}", markdown(comparisons, a.options));
+  write(a.json, json(comparisons, a.options));
+  write(a.svg, chart(comparisons));
+  bool reached = true;
+  for (const Comparison& c : comparisons) reached = reached && c.reached();
+  return reached ? 0 : kMissed;
+}
+
+}  // namespace
+
+}  // namespace mapjoin::benchmarks
+
+int main(int argc, char** argv) {
+  using namespace mapjoin::benchmarks;
+  CLI::App app(kHelp, "mapjoin_benchmark");
+  app.footer(kExamples);
+  Arguments arguments;
+  add_options(app, arguments);
+  try {
+    app.parse(argc, argv);
+    arguments.options.ceres = !arguments.skip_ceres;
+    return run(arguments);
+  } catch (const CLI::Success& asked) {
+    return app.exit(asked);
+  } catch (const CLI::ParseError& error) {
+    fmt::print(stderr, "mapjoin_benchmark: {}\nSee 'mapjoin_benchmark --help'.\n", error.what());
+    return kBadInput;
+  } catch (const mapjoin::Error& error) {
+    fmt::print(stderr, "mapjoin_benchmark: {}\n", error.what());
+    return kBadInput;
+  }
+}

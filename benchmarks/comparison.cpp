@@ -1,0 +1,174 @@
+#include "benchmarks/comparison.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "benchmarks/ceres_run.h"
+#include "benchmarks/cholmod_run.h"
+#include "benchmarks/join_run.h"
+#include "benchmarks/published.h"
+#include "mapjoin/frames/gauge.h"
+#include "mapjoin/graph/error.h"
+
+namespace mapjoin::benchmarks {
+
+namespace {
+
+bool within(double chi2, double optimum) {
+  return std::abs(chi2 - optimum) <= kTolerance * optimum;
+}
+
+const Contender& fastest(const std::vector<Contender>& contenders,
+                         double (Contender::*seconds)() const) {
+  return *std::min_element(
+      contenders.begin(), contenders.end(),
+      [&](const Contender& a, const Contender& b) { return (a.*seconds)() < (b.*seconds)(); });
+}
+
+template <int D>
+Comparison describe(const Problem<D>& problem, const JoinResult<D>& result) {
+  Comparison out;
+  out.name = problem.name;
+  out.local_maps = !problem.local_maps.empty();
+  out.dimension = D;
+  out.poses = result.report.poses;
+  out.features = result.report.features;
+  out.observations = result.report.observations;
+  out.refine_solves = result.report.refine_solves;
+  out.joins = result.report.joins;
+  out.redone_joins = result.report.redone_joins;
+  out.chi2 = chi2_of(result);
+  const auto known = published(problem.name, out.local_maps);
+  out.optimum = known ? known->optimum : tightest_chi2(result);
+  out.optimum_from = known ? "reference" : "tightest refinement";
+  return out;
+}
+
+/// The linear system of the last step of any solver: the final information with one pose held.
+struct FinalSystem {
+  Eigen::SparseMatrix<double> lower;
+  Eigen::VectorXd b;
+};
+
+template <int D>
+FinalSystem final_system(const Map<D>& map) {
+  FinalSystem out;
+  out.lower = anchored_information(map).lower;
+  out.lower.makeCompressed();
+  out.b = out.lower.template selfadjointView<Eigen::Lower>() *
+          Eigen::VectorXd::LinSpaced(out.lower.rows(), -1.0, 1.0);
+  return out;
+}
+
+/// CHOLMOD's variants; with more than one thread only those that can use them. Column by column
+/// there is no BLAS, and nothing else in CHOLMOD that threads could share. The contenders refer to
+/// `system`.
+std::vector<Contender> factorizations(const FinalSystem& system, int threads) {
+  std::vector<Contender> out;
+  for (const CholmodVariant& variant : cholmod_variants()) {
+    if (threads > 1 && !variant.supernodal) continue;
+    out.push_back(
+        {threads == 1 ? variant.name : fmt::format("{}, {} threads", variant.name, threads),
+         threads, [&variant, &system] { return run_cholmod(variant, system.lower, system.b); }});
+  }
+  return out;
+}
+
+/// The whole run, with the information matrix of the result or without. Refers to `problem`.
+template <int D>
+Contender whole_run(const Problem<D>& problem, int threads, bool information) {
+  return {information ? "mapjoin, with information" : "mapjoin", threads,
+          [&problem, threads, information] {
+            return run_join(problem, threads, information).measured;
+          }};
+}
+
+/// Refers to all its arguments, and writes down in `out` where Ceres ends.
+template <int D>
+Contender ceres_run(const Problem<D>& problem, int threads, const ComparisonOptions& options,
+                    Comparison& out) {
+  return {"Ceres", threads, [&problem, threads, &options, &out] {
+            CeresRun run = run_ceres(problem.graph, threads, out.optimum * (1.0 + kTolerance),
+                                     options.ceres_limit);
+            out.ceres_chi2 = run.chi2;
+            out.ceres_iterations = run.iterations;
+            return std::move(run.measured);
+          }};
+}
+
+/// Everybody's turn in one race: first CHOLMOD with one thread, then for each number of threads
+/// both whole runs, CHOLMOD where that makes a difference, and Ceres.
+template <int D>
+std::vector<ThreadFigures> race_all(const Problem<D>& problem, const FinalSystem& system,
+                                    const ComparisonOptions& options, Comparison& out) {
+  const bool with_ceres = options.ceres && out.why_not_ceres.empty();
+  std::vector<Contender> all = factorizations(system, 1);
+  const std::size_t alone = all.size();
+  std::vector<std::size_t> first;
+  for (const int threads : options.threads) {
+    first.push_back(all.size());
+    for (const bool information : {false, true})
+      all.push_back(whole_run(problem, threads, information));
+    if (with_ceres) all.push_back(ceres_run(problem, threads, options, out));
+    if (threads == 1) continue;
+    for (Contender& c : factorizations(system, threads)) all.push_back(std::move(c));
+  }
+  first.push_back(all.size());
+  race(all, options.repeat, options.slow);
+  for (Contender& c : all) c.run = nullptr;  // what it refers to ends before its figures do
+
+  std::vector<ThreadFigures> figures;
+  const auto from = [&](std::size_t k) { return all.begin() + static_cast<std::ptrdiff_t>(k); };
+  for (std::size_t t = 0; t < options.threads.size(); ++t) {
+    std::size_t next = first[t];
+    ThreadFigures f;
+    f.threads = options.threads[t];
+    f.join = all[next++];
+    f.with_information = all[next++];
+    if (with_ceres) f.ceres.push_back(all[next++]);
+    f.cholmod.assign(all.begin(), from(alone));
+    f.cholmod.insert(f.cholmod.end(), from(next), from(first[t + 1]));
+    figures.push_back(std::move(f));
+  }
+  return figures;
+}
+
+}  // namespace
+
+const Contender& ThreadFigures::once() const { return fastest(cholmod, &Contender::seconds); }
+
+double ThreadFigures::cpu_ratio() const {
+  return join.cpu_seconds() / fastest(cholmod, &Contender::cpu_seconds).cpu_seconds();
+}
+
+bool Comparison::reached() const { return within(chi2, optimum); }
+
+// From above: Ceres is stopped as soon as it is near enough.
+bool Comparison::ceres_reached() const { return ceres_chi2 <= optimum * (1.0 + kTolerance); }
+
+Comparison compare(const AnyProblem& any, const ComparisonOptions& options) {
+  return std::visit(
+      [&]<int D>(const Problem<D>& problem) {
+        FinalSystem system;
+        Comparison out;
+        {
+          const JoinResult<D> result = run_join(problem, 1, true).result;
+          if (result.maps.size() != 1) {
+            throw InputError(
+                fmt::format("{} falls into {} pieces that nothing links; compare on one of them",
+                            problem.name, result.maps.size()));
+          }
+          out = describe(problem, result);
+          system = final_system(result.maps[0]);
+        }
+        out.factor_rows = static_cast<double>(system.lower.rows());
+        out.why_not_ceres = why_not_ceres(problem.graph);
+        out.threads = race_all(problem, system, options, out);
+        return out;
+      },
+      any);
+}
+
+}  // namespace mapjoin::benchmarks

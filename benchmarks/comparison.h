@@ -1,0 +1,66 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "benchmarks/measure.h"
+#include "benchmarks/problem.h"
+
+namespace mapjoin::benchmarks {
+
+struct ComparisonOptions {
+  std::vector<int> threads = {1, 2};
+  int repeat = 5;
+  double slow = 5.0;  ///< seconds; what takes longer is run once
+  bool ceres = true;
+  double ceres_limit = 60.0;  ///< seconds after which Ceres is stopped
+};
+
+/// Everybody's figures with one number of threads.
+struct ThreadFigures {
+  int threads = 1;
+  Contender join;              ///< to the optimum, values alone
+  Contender with_information;  ///< the same and the information matrix of the result
+  std::vector<Contender>
+      cholmod;                   ///< one factorisation; each variant, with one thread and with all
+  std::vector<Contender> ceres;  ///< one, or none where it was not run
+
+  /// The fastest of CHOLMOD's variants.
+  const Contender& once() const;
+  /// Seconds to the optimum over those of one factorisation.
+  double ratio() const { return join.seconds() / once().seconds(); }
+  /// The same in processor seconds, which a busy machine disturbs less.
+  double cpu_ratio() const;
+};
+
+/// What one data set gave.
+struct Comparison {
+  std::string name;
+  bool local_maps = false;
+  int dimension = 2;
+  std::int64_t poses = 0, features = 0, observations = 0;
+  double factor_rows = 0.0;  ///< unknowns, the held pose's not counted
+
+  double chi2 = 0.0;         ///< of mapjoin's result, evaluated anew
+  double optimum = 0.0;      ///< what it is held against
+  std::string optimum_from;  ///< "reference" or "tightest refinement"
+  int refine_solves = 0, joins = 0, redone_joins = 0;
+  double ceres_chi2 = 0.0;
+  int ceres_iterations = 0;
+  std::string why_not_ceres;  ///< empty where it was run
+
+  std::vector<ThreadFigures> threads;
+
+  double error() const { return (chi2 - optimum) / optimum; }  ///< relative
+  bool reached() const;                                        ///< within kTolerance
+  bool ceres_reached() const;
+};
+
+/// Of chi2, relative: what counts as the optimum.
+inline constexpr double kTolerance = 1e-6;
+
+/// Solves one problem by everybody, in turn. \throws InputError when the data fall into several
+/// pieces: there is no one factorisation to compare with.
+Comparison compare(const AnyProblem& problem, const ComparisonOptions& options);
+
+}  // namespace mapjoin::benchmarks

@@ -1,0 +1,167 @@
+#include "benchmarks/measure.h"
+
+#include <dlfcn.h>
+#include <malloc.h>
+#include <sched.h>
+
+#include <algorithm>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <numeric>
+#include <sstream>
+
+namespace mapjoin::benchmarks {
+
+namespace {
+
+/// The processors that this program was given, and the one of them for single-threaded work.
+struct Processors {
+  cpu_set_t all;
+  cpu_set_t one;
+
+  Processors() {
+    CPU_ZERO(&all);
+    CPU_ZERO(&one);
+    sched_getaffinity(0, sizeof all, &all);
+    CPU_SET(static_cast<std::size_t>(std::max(0, sched_getcpu())), &one);
+  }
+};
+
+const Processors& processors() {
+  static const Processors found;
+  return found;
+}
+
+/// OpenBLAS, where that is the BLAS: others have no threads, or keep to the environment.
+template <class Function>
+Function* openblas(const char* name) {
+  return reinterpret_cast<Function*>(dlsym(RTLD_DEFAULT, name));
+}
+
+/// For all threads that there are: those that BLAS keeps, too, were started under some allowance.
+void move_to(const cpu_set_t& set) {
+  std::error_code ignored;
+  for (const auto& task : std::filesystem::directory_iterator("/proc/self/task", ignored)) {
+    sched_setaffinity(static_cast<pid_t>(std::stol(task.path().filename())), sizeof set, &set);
+  }
+}
+
+double processor_seconds() {
+  timespec t = {};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+/// A line of /proc/self/status, in bytes.
+std::optional<std::int64_t> memory(const std::string& field) {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);) {
+    if (!line.starts_with(field)) continue;
+    std::int64_t kibibytes = 0;
+    std::istringstream(line.substr(field.size())) >> kibibytes;
+    return kibibytes * 1024;
+  }
+  return std::nullopt;
+}
+
+/// Lets the kernel's peak begin anew at what is in use. False where it does not let us.
+bool reset_peak() {
+  malloc_trim(0);  // else earlier runs' memory, freed but kept, hides what a run takes
+  std::ofstream clear("/proc/self/clear_refs");
+  clear << "5" << std::flush;
+  return clear.good();
+}
+
+template <class Of>
+double median_of(const std::vector<Measured>& runs, Of of) {
+  std::vector<double> samples;
+  for (const Measured& run : runs) samples.push_back(of(run));
+  return median(std::move(samples));
+}
+
+}  // namespace
+
+double median(std::vector<double> samples) {
+  const std::size_t middle = samples.size() / 2;
+  std::sort(samples.begin(), samples.end());
+  return samples.size() % 2 == 1 ? samples[middle] : 0.5 * (samples[middle - 1] + samples[middle]);
+}
+
+double Measured::seconds() const { return std::accumulate(phases.begin(), phases.end(), 0.0); }
+
+Laps::Laps() : start_(std::chrono::steady_clock::now()), cpu_start_(processor_seconds()) {}
+
+double Laps::now() const {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+}
+
+double Laps::cpu_now() const { return processor_seconds() - cpu_start_; }
+
+void Laps::lap() {
+  const double t = now();
+  phases_.push_back(t - last_);
+  last_ = t;
+  cpu_ = cpu_now();
+}
+
+double Contender::seconds() const {
+  return median_of(runs, [](const Measured& m) { return m.seconds(); });
+}
+
+double Contender::cpu_seconds() const {
+  return median_of(runs, [](const Measured& m) { return m.cpu; });
+}
+
+std::vector<double> Contender::phase_seconds() const {
+  std::vector<double> out;
+  for (std::size_t p = 0; p < runs.front().phases.size(); ++p) {
+    out.push_back(median_of(runs, [p](const Measured& m) { return m.phases[p]; }));
+  }
+  return out;
+}
+
+std::string blas_in_use() {
+  void* const function = dlsym(RTLD_DEFAULT, "dgemm_");
+  Dl_info info = {};
+  if (function == nullptr || dladdr(function, &info) == 0 || info.dli_fname == nullptr) {
+    return "unknown";
+  }
+  std::error_code failed;
+  const auto file = std::filesystem::canonical(info.dli_fname, failed);
+  return failed ? info.dli_fname : file.string();
+}
+
+Allowance::Allowance(int threads) {
+  move_to(threads == 1 ? processors().one : processors().all);
+  if (auto* const get = openblas<int()>("openblas_get_num_threads")) blas_before_ = get();
+  if (auto* const set_blas = openblas<void(int)>("openblas_set_num_threads")) set_blas(threads);
+}
+
+Allowance::~Allowance() {
+  if (auto* const set_blas = openblas<void(int)>("openblas_set_num_threads")) {
+    set_blas(std::max(1, blas_before_));
+  }
+  move_to(processors().all);
+}
+
+void race(std::span<Contender> contenders, int repeat, double slow) {
+  for (Contender& c : contenders) {
+    const Allowance allowance(c.threads);
+    const bool measurable = reset_peak();
+    const auto before = memory("VmRSS:");
+    Measured first = c.run();
+    const auto peak = memory("VmHWM:");
+    if (measurable && before && peak) c.peak_bytes = std::max<std::int64_t>(0, *peak - *before);
+    if (first.seconds() > slow) c.runs.push_back(std::move(first));
+  }
+  for (int round = 0; round < repeat; ++round) {
+    for (Contender& c : contenders) {
+      if (!c.runs.empty() && c.runs.front().seconds() > slow) continue;
+      const Allowance allowance(c.threads);
+      c.runs.push_back(c.run());
+    }
+  }
+}
+
+}  // namespace mapjoin::benchmarks

@@ -1,0 +1,88 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+/// \file
+/// Timing several ways of doing one thing so that their ratios mean something: one after the other
+/// in every round, so that a machine that drifts, or is shared, treats all alike; medians over the
+/// rounds.
+
+namespace mapjoin::benchmarks {
+
+/// Median of the middle one or two. \pre not empty.
+double median(std::vector<double> samples);
+
+/// What one run took.
+struct Measured {
+  std::vector<double> phases;  ///< seconds of each
+  double cpu = 0.0;            ///< processor seconds of all threads together
+
+  double seconds() const;  ///< of all phases
+};
+
+/// A watch that is read at the end of each phase. What comes before it is made and after the last
+/// reading does not count.
+class Laps {
+ public:
+  Laps();
+  void lap();
+  /// Seconds since the beginning.
+  double now() const;
+  double cpu_now() const;
+  Measured measured() && { return {std::move(phases_), cpu_}; }
+
+ private:
+  std::chrono::steady_clock::time_point start_;
+  double cpu_start_ = 0.0;
+  double last_ = 0.0;
+  std::vector<double> phases_;
+  double cpu_ = 0.0;  // until the last reading
+};
+
+/// One way of doing it.
+struct Contender {
+  std::string name;
+  int threads = 1;                ///< what it may use, BLAS included
+  std::function<Measured()> run;  ///< does it once
+
+  // What race() found out.
+  std::vector<Measured> runs = {};
+  std::optional<std::int64_t> peak_bytes = {};  ///< peak memory beyond what was in use before
+
+  // Medians.
+  double seconds() const;
+  double cpu_seconds() const;
+  std::vector<double> phase_seconds() const;
+};
+
+/// Runs everybody once unmeasured but for memory (caches are then warm and BLAS has its threads),
+/// and then `repeat` times in turn. What took longer than `slow` seconds is not repeated: the first
+/// run counts.
+///
+/// Single-threaded contenders all run on one and the same processor.
+void race(std::span<Contender> contenders, int repeat, double slow);
+
+/// The file that the BLAS in use comes from: part of any figure of CHOLMOD's.
+std::string blas_in_use();
+
+/// While one lives, the program has so many processors, and BLAS so many threads. Gives back what
+/// was before.
+class Allowance {
+ public:
+  explicit Allowance(int threads);
+  ~Allowance();
+  Allowance(const Allowance&) = delete;
+  Allowance& operator=(const Allowance&) = delete;
+
+ private:
+  int blas_before_ = 0;
+};
+
+}  // namespace mapjoin::benchmarks

@@ -1,0 +1,75 @@
+#include <nlohmann/json.hpp>
+
+#include "benchmarks/ceres_run.h"
+#include "benchmarks/cholmod_run.h"
+#include "benchmarks/join_run.h"
+#include "benchmarks/tables.h"
+
+namespace mapjoin::benchmarks {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json figures(const Contender& c, std::span<const char* const> phase_names) {
+  Json out;
+  out["name"] = c.name;
+  out["threads"] = c.threads;
+  out["seconds"] = c.seconds();
+  out["cpu_seconds"] = c.cpu_seconds();
+  const std::vector<double> phases = c.phase_seconds();
+  for (std::size_t p = 0; p < phases.size(); ++p) out["phases"][phase_names[p]] = phases[p];
+  if (c.peak_bytes) out["peak_bytes"] = *c.peak_bytes;
+  for (const Measured& run : c.runs) out["runs"].push_back({run.seconds(), run.cpu});
+  return out;
+}
+
+Json figures(const ThreadFigures& t) {
+  Json out;
+  out["threads"] = t.threads;
+  out["ratio"] = t.ratio();
+  out["cpu_ratio"] = t.cpu_ratio();
+  out["fastest_cholmod"] = t.once().name;
+  out["mapjoin"] = figures(t.join, kJoinPhases);
+  out["mapjoin_with_information"] = figures(t.with_information, kJoinPhases);
+  for (const Contender& c : t.cholmod) out["cholmod"].push_back(figures(c, kCholmodPhases));
+  if (!t.ceres.empty()) out["ceres"] = figures(t.ceres[0], kCeresPhases);
+  return out;
+}
+
+}  // namespace
+
+std::string json(std::span<const Comparison> comparisons, const ComparisonOptions& options) {
+  Json out;
+  out["repeat"] = options.repeat;
+  out["blas"] = blas_in_use();
+  out["data_sets"] = Json::array();
+  for (const Comparison& c : comparisons) {
+    Json one;
+    one["name"] = c.name;
+    one["local_maps"] = c.local_maps;
+    one["dimension"] = c.dimension;
+    one["poses"] = c.poses;
+    one["features"] = c.features;
+    one["measurements"] = c.observations;
+    one["unknowns"] = c.factor_rows;
+    one["chi2"] = c.chi2;
+    one["optimum"] = c.optimum;
+    one["optimum_from"] = c.optimum_from;
+    one["reached"] = c.reached();
+    one["joins"] = c.joins;
+    one["redone_joins"] = c.redone_joins;
+    one["refine_solves"] = c.refine_solves;
+    if (!c.why_not_ceres.empty()) one["why_not_ceres"] = c.why_not_ceres;
+    if (c.ceres_chi2 > 0.0) {
+      one["ceres_chi2"] = c.ceres_chi2;
+      one["ceres_iterations"] = c.ceres_iterations;
+      one["ceres_reached"] = c.ceres_reached();
+    }
+    for (const ThreadFigures& t : c.threads) one["with_threads"].push_back(figures(t));
+    out["data_sets"].push_back(std::move(one));
+  }
+  return out.dump(2) + "\n";
+}
+
+}  // namespace mapjoin::benchmarks
