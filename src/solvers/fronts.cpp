@@ -88,11 +88,17 @@ class Analysis {
 
   void form_fronts() {
     std::vector<Index> parent = elimination_tree(s_.order, s_.position, stars_);
+    const std::vector<Index> given = s_.position;
     apply_postorder(s_.order, s_.position, parent);
     const auto count = column_counts(s_.dims, s_.order, s_.position, parent, stars_);
     std::vector<Index> column_dim(s_.order.size());
     for (std::size_t k = 0; k < column_dim.size(); ++k) column_dim[k] = s_.dims[s_.order[k]];
-    const FrontPartition partition = partition_into_fronts(column_dim, parent, count, options_);
+    std::vector<char> late;  // per position: not among those eliminated first
+    if (options_.eliminated_first >= 0) {
+      for (const Index v : s_.order) late.push_back(given[v] >= options_.eliminated_first);
+    }
+    const FrontPartition partition =
+        partition_into_fronts(column_dim, parent, count, late, options_);
 
     s_.fronts.resize(static_cast<std::size_t>(partition.fronts()));
     s_.update_start.assign(s_.fronts.size() + 1, 0);
