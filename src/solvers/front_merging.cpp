@@ -18,7 +18,6 @@ struct SupernodeTree {
   std::vector<Index> update_dim;
   std::vector<Index> update_blocks;
   std::vector<char> alive;
-  std::vector<char> mark;  // supernodes of different marks are not merged
 
   Index size() const { return static_cast<Index>(parent.size()); }
 };
@@ -26,17 +25,15 @@ struct SupernodeTree {
 // Column j joins the supernode of column j - 1 when that is its child and has just one column more
 // in its pattern.
 SupernodeTree find_supernodes(std::span<const Index> dim, std::span<const Index> parent,
-                              std::span<const ColumnCount> count, std::span<const char> apart) {
+                              std::span<const ColumnCount> count) {
   const auto n = static_cast<Index>(parent.size());
   SupernodeTree tree;
   std::vector<Index> supernode_of(parent.size());
   for (Index j = 0; j < n; ++j) {
-    const bool joins = j > 0 && parent[j - 1] == j &&
-                       count[j - 1].scalars == count[j].scalars + dim[j - 1] &&
-                       (apart.empty() || apart[j - 1] == apart[j]);
+    const bool joins =
+        j > 0 && parent[j - 1] == j && count[j - 1].scalars == count[j].scalars + dim[j - 1];
     if (!joins) {
       tree.first_column.push_back(j);
-      tree.mark.push_back(apart.empty() ? char{0} : apart[j]);
       tree.pivot_dim.push_back(0);
     }
     supernode_of[j] = static_cast<Index>(tree.pivot_dim.size()) - 1;
@@ -85,7 +82,7 @@ void merge_supernodes(SupernodeTree& tree, const FrontCostModel& cost) {
     own_cost[s] = cost(tree.pivot_dim[s], tree.update_dim[s]);
     for (auto c = begin; c != end; ++c) {
       const double merged = cost(tree.pivot_dim[s] + tree.pivot_dim[*c], tree.update_dim[s]);
-      if (merged > own_cost[s] + own_cost[*c] || tree.mark[s] != tree.mark[*c]) continue;
+      if (merged > own_cost[s] + own_cost[*c]) continue;
       tree.pivot_dim[s] += tree.pivot_dim[*c];
       tree.alive[*c] = 0;
       own_cost[s] = merged;
@@ -161,8 +158,8 @@ double front_flops(double pivots, double updates) {
 FrontPartition partition_into_fronts(std::span<const std::int32_t> column_dim,
                                      std::span<const std::int32_t> parent,
                                      std::span<const ColumnCount> count,
-                                     std::span<const char> apart, const MergingOptions& options) {
-  SupernodeTree tree = find_supernodes(column_dim, parent, count, apart);
+                                     const MergingOptions& options) {
+  SupernodeTree tree = find_supernodes(column_dim, parent, count);
   if (options.merge_fronts) merge_supernodes(tree, options.cost);
   const std::vector<Index> order = heaviest_last_postorder(tree, options.cost);
 

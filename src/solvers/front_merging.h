@@ -37,9 +37,6 @@ double front_flops(double pivots, double updates);
 
 struct MergingOptions {
   bool merge_fronts = true;  ///< false: only columns of equal pattern go together
-  /// How many variables, the first ones of the given order, share no front with later ones; -1: no
-  /// such line. Fronts of the first ones are then whole subtrees, which can be eliminated alone.
-  std::int32_t eliminated_first = -1;
   FrontCostModel cost;
 };
 
@@ -55,13 +52,12 @@ struct FrontPartition {
   std::int32_t fronts() const { return static_cast<std::int32_t>(parent.size()); }
 };
 
-/// `column_dim`, `parent` and `count` are by position, postordered; so is `apart` (may be empty):
-/// columns of different marks share no front. Cost: O(positions). Deterministic. The child with the
-/// largest subtree comes last among its siblings: what it leaves is then still in cache, and a path
-/// is a run of indices.
+/// `column_dim`, `parent` and `count` are by position, postordered. Cost: O(positions).
+/// Deterministic. The child with the largest subtree comes last among its siblings: what it leaves
+/// is then still in cache, and a path is a run of indices.
 FrontPartition partition_into_fronts(std::span<const std::int32_t> column_dim,
                                      std::span<const std::int32_t> parent,
                                      std::span<const ColumnCount> count,
-                                     std::span<const char> apart, const MergingOptions& options);
+                                     const MergingOptions& options);
 
 }  // namespace mapjoin

@@ -55,10 +55,9 @@ class Elimination {
     cliques_ = block_cliques(information, [&](int i, int j) {
       return place[at(i)] < 0 || place[at(j)] < 0;  // what is kept already stays as it is
     });
-    MergingOptions merging;
-    merging.eliminated_first = static_cast<std::int32_t>(std::count(late.begin(), late.end(), 0));
+    const auto dropped = static_cast<std::int32_t>(std::count(late.begin(), late.end(), 0));
     structure_ = analyze(cliques_.dims, cliques_.view(), order_blocks_in_two(late, cliques_.view()),
-                         merging);
+                         {}, dropped);
     list_subtrees();
   }
 
@@ -94,17 +93,12 @@ class Elimination {
     return place_[at(structure_.order[at(structure_.fronts[at(front)].first_position)])] >= 0;
   }
 
-  /// Subtrees of dropped variables below kept ones, or below nothing. Each is a run of fronts.
+  /// The trees of dropped variables. Each is a run of fronts.
   void list_subtrees() {
     std::int32_t first = 0;
     for (std::int32_t f = 0; f < static_cast<std::int32_t>(structure_.fronts.size()); ++f) {
-      if (is_kept(f)) {
-        first = f + 1;
-        continue;
-      }
-      const std::int32_t parent = structure_.fronts[at(f)].parent;
-      if (parent >= 0 && !is_kept(parent)) continue;
-      subtrees_.push_back({first, f});
+      if (structure_.fronts[at(f)].parent >= 0) continue;
+      if (!is_kept(f)) subtrees_.push_back({first, f});
       first = f + 1;
     }
   }
