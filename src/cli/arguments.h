@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "mapjoin/graph/anchor.h"
 #include "mapjoin/graph/variables.h"
@@ -38,6 +39,15 @@ void add_indefinite_argument(CLI::App& command, std::string& indefinite);
 template <int D>
 Anchor<D> parse_anchor(const std::string& text, std::uint32_t session,
                        const VariableSet<D>& variables);
+
+/// The session that a plain id means: that of the map's poses, if they have one.
+template <int D>
+std::uint32_t session_of_poses(const VariableSet<D>& variables);
+
+/// Keys from texts like "point:12" or "1/point:12"; a plain one is of session 0, or where that
+/// is not in the map of the session of the poses. \throws InputError that names what is not there.
+template <int D>
+std::vector<Key> parse_keys(const std::vector<std::string>& texts, const VariableSet<D>& variables);
 
 /// Makes examples stand at the end of a command's help.
 void add_examples(CLI::App& command, const std::string& examples);

@@ -23,22 +23,13 @@ struct Arguments {
   std::string output;
 };
 
-/// The session that a plain id means: that of the map's poses, if they have one.
-template <int D>
-std::uint32_t session_of(const VariableSet<D>& variables) {
-  const int c = variables.find_column(Tag("pose"));
-  if (c < 0) return 0;
-  const auto& keys = variables.column(c).keys;
-  return keys.front().session == keys.back().session ? keys.front().session : 0;
-}
-
 void reframe(const Arguments& a) {
   output_format(a.output);
   OutputFiles::expect(a.output);
   std::visit(
       [&]<int D>(Map<D>&& map) {
         const Anchor<D> anchor =
-            parse_anchor<D>(a.anchor, session_of(map.variables()), map.variables());
+            parse_anchor<D>(a.anchor, session_of_poses(map.variables()), map.variables());
         const std::string before = to_string(map.anchor);
         map = change_frame(std::move(map), anchor);
         OutputFiles files;

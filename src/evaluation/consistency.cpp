@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 
 #include "mapjoin/evaluation/chi_squared.h"
+#include "mapjoin/frames/align.h"
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/exact_gauge.h"
 #include "mapjoin/solvers/sparse_cholesky.h"
@@ -21,6 +22,14 @@ struct TrueError {
 
 template <int D>
 Values<D> in_frame_of(const Map<D>& map, Values<D> truth) {
+  if (map.anchor.kind == nullptr) {
+    const auto onto = align(map.values, truth);
+    if (!onto)
+      throw InputError(
+          "the map has no anchor, and the truth shares too little with it to be laid on it");
+    truth.transform(*onto);
+    return truth;
+  }
   for (const Key& key : map.anchor.keys) {
     if (!truth.contains(key))
       throw InputError(fmt::format(
@@ -59,14 +68,13 @@ TrueError error_of(const Map<D>& map, const Values<D>& truth) {
 
 template <int D>
 Consistency consistency(const Map<D>& given, const Values<D>& truth, double confidence) {
-  if (given.anchor.kind == nullptr)
-    throw InputError("the map has no anchor: write it in a frame with change_frame first");
   if (given.information.size() != given.variables().size())
     throw InputError("the map has no information to judge its error by");
   const Map<D> map = exactly_gauge_free(given);
-  const AnchorRows rows = anchor_rows(map.anchor, map.values);
   TrueError error = error_of(map, in_frame_of(map, truth));
-  for (const int s : rows.pinned) error.e(s) = 0.0;  // rounding
+  if (map.anchor.kind != nullptr) {  // rounding of what is pinned
+    for (const int s : anchor_rows(map.anchor, map.values).pinned) error.e(s) = 0.0;
+  }
   Consistency out;
   out.dimension = static_cast<int>(error.known.size()) - kGauge<D>;
   if (out.dimension < 1)

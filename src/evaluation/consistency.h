@@ -29,7 +29,8 @@ struct Consistency {
 /// frame first, so it must have what the map's anchor pins. Errors are in the tangents that the
 /// information is in, e = local(estimate, truth); the information is that on the variables in
 /// question, the others marginalised: features alone when only features are known. What the anchor
-/// pins has no error and does not count in the dimension.
+/// pins has no error and does not count in the dimension. On a map without an anchor the truth is
+/// laid by the best rigid fit: to first order NEES is the same in every frame.
 ///
 /// One sparse factorisation of the information on what is not known. \throws InputError when the
 /// truth lacks the anchor or shares nothing else with the map, or when the map has no information;
