@@ -9,6 +9,7 @@
 #include "mapjoin/joining/join_all.h"
 #include "mapjoin/solvers/relative.h"
 #include "tests/support/random_maps.h"
+#include "tests/support/user_types.h"
 
 namespace mapjoin::test {
 namespace {
@@ -243,6 +244,75 @@ TYPED_TEST(CovarianceOf, SolvedMapIsTheInverseOfItsInformation) {
         distance(blocks.block(static_cast<std::size_t>(i)), block_of(dense, map.variables(), i, i)),
         1e-9 * dense.cwiseAbs().maxCoeff());
   }
+}
+
+/// Pins the same as two_points, by mixtures of its three coordinates.
+const AnchorKind<2>& mixed_points_kind() {
+  static const AnchorKind<2> kind = [] {
+    AnchorKind<2> out = two_points_kind();
+    out.tag = Tag("mixed");
+    out.rows = [](const double* const* x, double* P) {
+      two_points_kind().rows(x, P);
+      Eigen::Map<Eigen::Matrix<double, 3, 4>> rows(P);
+      Eigen::Matrix3d mixture;
+      mixture << 1.0, 0.5, -0.3, 0.2, 1.5, 0.4, -0.7, 0.1, 2.0;
+      rows = Eigen::Matrix<double, 3, 4>(mixture * rows);
+    };
+    return out;
+  }();
+  return kind;
+}
+
+TEST(Covariance, InTheFrameOfFeaturesIsTheDenseInverse) {
+  Dice dice(47);
+  const Map<2> solved_there =
+      map_of(dice, random_values<2>(dice, ids(7), ids(6)), two_points(1, 4));
+  const Map<2> solved_at_pose = random_map<2>(dice, ids(7), ids(6), 0);
+  for (const Map<2>& map : {solved_there, change_frame(solved_there, pose_anchor<2>(pose_key(3))),
+                            change_frame(solved_at_pose, two_points(5, 2))}) {
+    const Eigen::MatrixXd dense = dense_covariance(map);
+    const Covariance<2> covariance(map);
+    EXPECT_LT(relative_distance(covariance.of(all_keys(map.variables())), dense), 1e-9);
+    const CovarianceBlocks blocks = covariance.blocks();
+    for (int i = 0; i < map.values.size(); ++i) {
+      EXPECT_LT(distance(blocks.block(static_cast<std::size_t>(i)),
+                         block_of(dense, map.variables(), i, i)),
+                1e-9 * dense.cwiseAbs().maxCoeff());
+    }
+  }
+}
+
+TEST(Covariance, OfAnAnchorThatPinsMixturesIsThatOfWhatItPins) {
+  Dice dice(59);
+  Map<2> map = map_of(dice, random_values<2>(dice, ids(7), ids(6)), two_points(1, 4));
+  const std::vector<Key> keys = all_keys(map.variables());
+  const Eigen::MatrixXd plain = Covariance<2>(map).of(keys);
+  const CovarianceBlocks plain_blocks = Covariance<2>(map).blocks();
+  map.anchor.kind = map.solved_in.kind = &mixed_points_kind();
+  ASSERT_TRUE(anchor_rows(map.anchor, map.values).pinned.empty());
+  const Covariance<2> mixed(map);
+  EXPECT_LT(relative_distance(mixed.of(keys), plain), 1e-9);
+  const CovarianceBlocks blocks = mixed.blocks();
+  for (std::size_t k = 0; k < blocks.size(); ++k)
+    EXPECT_LT(distance(blocks.block(k), plain_blocks.block(k)), 1e-9 * plain.cwiseAbs().maxCoeff());
+}
+
+TEST(Covariance, OfUserTypesIsTheDenseInverse) {
+  Dice dice(61);
+  ValuesBuilder<2> builder;
+  for (const auto id : ids(5)) builder.add<Pose2>(pose_key(id), random_pose<2>(dice));
+  for (const auto id : ids(4))
+    builder.add<Wall>({Tag("wall"), 0, id}, {dice.uniform(-3.0, 3.0), dice.uniform(1.0, 5.0)});
+  builder.add<BiasType<2>>({Tag("bias"), 0, 0}, Vec<1>(0.3));
+  const Map<2> map =
+      change_frame(map_of(dice, std::move(builder).build(), pose_anchor<2>(pose_key(0))),
+                   pose_anchor<2>(pose_key(4)));
+  const Eigen::MatrixXd dense = dense_covariance(map);
+  const Covariance<2> covariance(map);
+  EXPECT_LT(relative_distance(covariance.of(all_keys(map.variables())), dense), 1e-9);
+  const Relative wall = relative(map, covariance, pose_key(4), {Tag("wall"), 0, 2});
+  const Key key{Tag("wall"), 0, 2};
+  EXPECT_LT(relative_distance(wall.covariance, covariance.block(key, key)), 1e-9);
 }
 
 TEST(Covariance, NamesWhatIsNotDetermined) {
