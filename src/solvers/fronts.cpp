@@ -77,7 +77,11 @@ class Analysis {
     list_updates();
     assign_cliques();
     locate_rows();
-    plan_tasks(s_, options_.cost);
+    if (eliminated_ >= 0) {  // tree by tree, and what a tree leaves is used before the next one
+      s_.tasks = {{.begin = 0, .end = front_count()}};
+    } else {
+      plan_tasks(s_, options_.cost);
+    }
     plan_memory(s_);
     return std::move(s_);
   }

@@ -123,6 +123,12 @@ class Elimination {
         if (i >= 0 && place_[at(j)] >= 0) pairs.emplace_back(i, place_[at(j)]);
       }
     }
+    std::size_t count = pairs.size();
+    for (const Subtree& tree : subtrees_) {
+      const std::size_t kept = structure_.updates_of(tree.root).size();
+      count += kept * (kept - (kept > 0)) / 2;
+    }
+    pairs.reserve(count);
     for (const Subtree& tree : subtrees_) {
       const std::vector<int> kept = around(tree.root);
       for (std::size_t a = 0; a < kept.size(); ++a) {
