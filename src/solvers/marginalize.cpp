@@ -46,9 +46,9 @@ void require_frame(const Values<D>& values, std::span<const int> keep) {
 
 /// Schur complements of subtrees of dropped variables: one after another, each onto what is kept
 /// around it.
-class Elimination {
+class SchurComplement {
  public:
-  Elimination(const SymmetricBlockMatrix& information, std::span<const int> place)
+  SchurComplement(const SymmetricBlockMatrix& information, std::span<const int> place)
       : information_(information), place_(place) {
     std::vector<char> late;
     for (const int p : place) late.push_back(p >= 0);
@@ -209,7 +209,7 @@ Map<D> marginalize(const Map<D>& given, std::span<const int> keep, const Anchor<
   const SymmetricBlockMatrix& information = exact ? given.information : completed;
 
   const std::vector<int> place = places_of(keep, given.variables().size());
-  const int failed = Elimination(information, place).run(out.information);
+  const int failed = SchurComplement(information, place).run(out.information);
   if (failed >= 0)
     throw SingularError(fmt::format(
         "the information does not determine {} once the rest is known, so it cannot be eliminated; "
