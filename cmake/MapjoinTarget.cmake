@@ -55,6 +55,14 @@ function(mapjoin_target_defaults target)
     target_link_options(${target} PRIVATE ${sanitize})
   endif()
 
+  # CHOLMOD is to run on the BLAS that the administrator chose. Ceres may bring ATLAS, which comes
+  # earlier among the libraries, is several times slower, and would be the one that CHOLMOD finds. So
+  # programs name the right one before all libraries, and let no linker leave it out.
+  get_target_property(type ${target} TYPE)
+  if(type STREQUAL "EXECUTABLE")
+    target_link_options(${target} PRIVATE "LINKER:--no-as-needed" ${BLAS_LIBRARIES})
+  endif()
+
   if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
     # Otherwise a precompiled header carries its build time and ccache never sees it again.
     target_compile_options(${target} PRIVATE "SHELL:-Xclang -fno-pch-timestamp")

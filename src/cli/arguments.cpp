@@ -142,9 +142,36 @@ Anchor<D> chosen_anchor(const std::string& text, std::uint32_t session,
   return anchor;
 }
 
+template <int D>
+std::uint32_t session_of(const VariableSet<D>& variables) {
+  int c = variables.find_column(Tag("pose"));
+  if (c < 0) c = variables.find_column(Tag("point"));
+  if (c < 0) return 0;
+  const auto& keys = variables.column(c).keys;
+  return keys.front().session == keys.back().session ? keys.front().session : 0;
+}
+
+template <int D>
+std::vector<Key> parse_keys(const std::vector<std::string>& texts,
+                            const VariableSet<D>& variables) {
+  std::vector<Key> out;
+  for (const std::string& text : texts) {
+    Key key = parse_key(text);
+    const bool plain = text.find('/') == std::string::npos;
+    if (plain && !variables.find(key)) key.session = session_of(variables);
+    variables.require(key, "the command line");
+    out.push_back(key);
+  }
+  return out;
+}
+
 void add_examples(CLI::App& command, const std::string& examples) { command.footer(examples); }
 
 template Anchor<2> chosen_anchor<2>(const std::string&, std::uint32_t, const VariableSet<2>&);
 template Anchor<3> chosen_anchor<3>(const std::string&, std::uint32_t, const VariableSet<3>&);
+template std::uint32_t session_of<2>(const VariableSet<2>&);
+template std::uint32_t session_of<3>(const VariableSet<3>&);
+template std::vector<Key> parse_keys<2>(const std::vector<std::string>&, const VariableSet<2>&);
+template std::vector<Key> parse_keys<3>(const std::vector<std::string>&, const VariableSet<3>&);
 
 }  // namespace mapjoin::cli

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "mapjoin/graph/anchor.h"
 #include "mapjoin/graph/variables.h"
@@ -41,6 +42,16 @@ Anchor<D> chosen_anchor(const std::string& text, std::uint32_t session,
 
 /// What --anchor takes, for the help of the commands that have it.
 extern const char* const kAnchors;
+
+/// The session that a plain id means: that of the map's poses (or points, where it has no
+/// poses), if they have one.
+template <int D>
+std::uint32_t session_of(const VariableSet<D>& variables);
+
+/// Keys from texts like "point:12" or "1/point:12"; a plain one is of session 0, or where that
+/// is not in the map of the session of the poses. \throws InputError that names what is not there.
+template <int D>
+std::vector<Key> parse_keys(const std::vector<std::string>& texts, const VariableSet<D>& variables);
 
 /// Makes examples stand at the end of a command's help.
 void add_examples(CLI::App& command, const std::string& examples);

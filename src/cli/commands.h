@@ -8,6 +8,8 @@ namespace mapjoin::cli {
 void add_solve(CLI::App& app);
 void add_join(CLI::App& app);
 void add_reframe(CLI::App& app);
+void add_marginalize(CLI::App& app);
+void add_covariance(CLI::App& app);
 void add_evaluate(CLI::App& app);
 void add_simulate(CLI::App& app);
 void add_info(CLI::App& app);

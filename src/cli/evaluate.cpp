@@ -10,7 +10,10 @@
 #include "mapjoin/cli/commands.h"
 #include "mapjoin/cli/input.h"
 #include "mapjoin/cli/output.h"
+#include "mapjoin/cli/truth.h"
+#include "mapjoin/evaluation/consistency.h"
 #include "mapjoin/io/local_maps.h"
+#include "mapjoin/io/native_map.h"
 
 namespace mapjoin::cli {
 
@@ -23,6 +26,10 @@ constexpr const char* kExamples = R"(Examples:
       Also how far it is from a reference, in metres per coordinate: poses and features with both
       maps in the frame of their lowest common pose, consecutive poses relative to each other, and
       features after the best rigid fit.
+  mapjoin evaluate run.map --truth beacons_true.csv
+      Consistency: NEES, the error against the truth weighted by the map's own information, how many
+      dimensions it has, and where a consistent map's NEES lies with 95% probability: between lower
+      and upper, and below bound.
   mapjoin evaluate out.g2o out.2.g2o --graph graph.g2o
       A graph in two pieces that nothing links.
 )";
@@ -32,6 +39,8 @@ struct Arguments {
   std::string graph;
   std::string maps;
   std::string reference;
+  std::string truth;
+  double confidence = 0.95;
   std::string json;
   std::string indefinite = "refuse";
   std::uint32_t session = 0;
@@ -113,6 +122,19 @@ void add_deviation(const Arguments& a, const Values<D>& estimate, Figures& figur
   if (d.features > 0) figures.add("aligned_feature_rmse", d.aligned_feature_rmse);
 }
 
+void add_consistency(const Arguments& a, Figures& figures) {
+  std::visit(
+      [&]<int D>(const Map<D>& map) {
+        const Consistency c = consistency(map, read_truth(a.truth, map), a.confidence);
+        figures.add("nees", c.nees);
+        figures.add("dimension", static_cast<std::size_t>(c.dimension));
+        figures.add("lower", c.lower);
+        figures.add("upper", c.upper);
+        figures.add("bound", c.one_sided);
+      },
+      read_any_map(a.results[0]));
+}
+
 void finish(const Arguments& a, const Figures& figures) {
   if (!a.json.empty()) {
     OutputFiles files;
@@ -123,14 +145,18 @@ void finish(const Arguments& a, const Figures& figures) {
 }
 
 void evaluate(const Arguments& a) {
-  if (a.graph.empty() && a.maps.empty() && a.reference.empty()) {
-    throw InputError("evaluate against what? Give --graph, --maps or --reference");
+  if (a.graph.empty() && a.maps.empty() && a.reference.empty() && a.truth.empty()) {
+    throw InputError("evaluate against what? Give --graph, --maps, --reference or --truth");
   }
-  if (a.results.size() > 1 && !a.reference.empty()) {
-    throw InputError("--reference compares one piece: give its file alone");
+  if (a.results.size() > 1 && !(a.reference.empty() && a.truth.empty())) {
+    throw InputError("--reference and --truth judge one piece: give its file alone");
   }
   if (!a.json.empty()) OutputFiles::expect(a.json);
   Figures figures;
+  if (!a.truth.empty()) {
+    add_consistency(a, figures);
+    if (a.graph.empty() && a.maps.empty() && a.reference.empty()) return finish(a, figures);
+  }
   if (a.graph.empty() && a.maps.empty()) {
     std::visit([&]<int D>(const Values<D>& estimate) { add_deviation(a, estimate, figures); },
                read_solution(a.results[0], a.session));
@@ -167,6 +193,14 @@ void add_evaluate(CLI::App& app) {
       ->excludes(graph);
   command.add_option("--reference", a.reference, "A solution to compare with, .g2o or .map")
       ->type_name("FILE");
+  command
+      .add_option("--truth", a.truth,
+                  "What is known to be true, .g2o, .map, or a .csv of features (id,x,y) in the "
+                  "frame of the map's anchor; the result must be a .map")
+      ->type_name("FILE");
+  command.add_option("--confidence", a.confidence, "The probability of the bounds of NEES")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
   command.add_option("--json", a.json, "Write the figures to this file as well")->type_name("FILE");
   command.add_option("--session", a.session, "Session of ids that are written without one")
       ->type_name("N");

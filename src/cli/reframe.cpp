@@ -26,17 +26,6 @@ struct Arguments {
   std::string output;
 };
 
-/// The session that a plain id means: that of the map's poses (or points, where it has no poses),
-/// if they have one.
-template <int D>
-std::uint32_t session_of(const VariableSet<D>& variables) {
-  int c = variables.find_column(Tag("pose"));
-  if (c < 0) c = variables.find_column(Tag("point"));
-  if (c < 0) return 0;
-  const auto& keys = variables.column(c).keys;
-  return keys.front().session == keys.back().session ? keys.front().session : 0;
-}
-
 void reframe(const Arguments& a) {
   output_format(a.output);
   OutputFiles::expect(a.output);

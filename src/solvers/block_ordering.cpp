@@ -1,8 +1,9 @@
 #include "mapjoin/solvers/block_ordering.h"
 
 #include <amd.h>
+#include <camd.h>
 
-// After amd.h: METIS's header defines plain macros.
+// After these: METIS's header defines plain macros.
 #include <metis.h>
 
 #include <limits>
@@ -124,6 +125,20 @@ BlockGraph block_graph(std::int32_t variables, Cliques cliques) {
   }
   remove_duplicates(graph);
   return graph;
+}
+
+std::vector<std::int32_t> order_blocks_in_two(std::span<const char> late, Cliques cliques) {
+  const auto n = static_cast<Index>(late.size());
+  if (n == 0) return {};
+  BlockGraph graph = block_graph(n, cliques);
+  // CAMD takes sorted or unsorted columns, each pair in both.
+  std::vector<Index> group(late.begin(), late.end());
+  std::vector<Index> order(late.size());
+  const int status = camd_order(n, graph.start.data(), graph.neighbours.data(), order.data(),
+                                nullptr, nullptr, group.data());
+  if (status != CAMD_OK && status != CAMD_OK_BUT_JUMBLED)
+    throw Error("order_blocks_in_two: CAMD failed, code " + std::to_string(status));
+  return order;
 }
 
 std::vector<std::int32_t> order_blocks(std::span<const std::int32_t> dims, Cliques cliques,

@@ -55,6 +55,10 @@ struct BlockGraph {
 /// and for a variable that does not exist.
 BlockGraph block_graph(std::int32_t variables, Cliques cliques);
 
+/// A minimum degree order in which all variables with late[v] == 0 come before those with 1 (CAMD).
+/// Deterministic. Errors as block_graph.
+std::vector<std::int32_t> order_blocks_in_two(std::span<const char> late, Cliques cliques);
+
 /// Returns `order`: order[k] is the variable eliminated k-th. `dims` (one entry per variable, at
 /// least 1) weigh the variables for nested dissection. Deterministic. Errors as block_graph;
 /// Error when METIS fails.

@@ -144,7 +144,9 @@ std::vector<ColumnCount> column_counts(std::span<const std::int32_t> dims,
       if (first_descendant[j] <= last_first[i]) continue;  // j is not a leaf of row i's subtree
       last_first[i] = first_descendant[j];
       add(j, i, 1);
-      if (last_leaf[i] >= 0) add(find_root(ancestor, last_leaf[i]), i, -1);
+      // In a forest that was cut, the branches may be of different trees, which never meet.
+      const Index meet = last_leaf[i] < 0 ? -1 : find_root(ancestor, last_leaf[i]);
+      if (meet >= j) add(meet, i, -1);
       last_leaf[i] = j;
     }
     if (parent[j] >= 0) ancestor[j] = parent[j];

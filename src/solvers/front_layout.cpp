@@ -157,6 +157,7 @@ class UpdatePlanner {
       peak[stack] = std::max(peak[stack], top[stack]);
       const auto children = structure_.children_of(f);
       if (!children.empty()) top[1 - stack] = structure_.fronts[children.front()].update;
+      if (front.parent < 0) top = {0, 0};  // a tree is done
     }
     for (Index f = task.begin; f < task.end; ++f) {
       structure_.fronts[f].update += end_ + (odd_depth_[f] ? peak[0] : 0);

@@ -120,6 +120,11 @@ class FrontalCholesky {
   bool close_subtree(std::int32_t first, std::int32_t root, std::span<const std::int32_t> held,
                      std::span<double> by_position, double& decrease);
 
+  /// What is left of H for the update variables of the root of a factored subtree: their Schur
+  /// complement, without what other subtrees add. The lower triangle only. Valid straight after
+  /// factorize_subtree.
+  Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>> update_matrix(std::int32_t root) const;
+
   const FrontalStructure& structure() const { return *structure_; }
   FrontConditional conditional(std::int32_t front) const;
 

@@ -39,6 +39,13 @@ void solve_pivots_backward(const double* panel, std::int64_t stride, int pivots,
   }
 }
 
+Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>> FrontalCholesky::update_matrix(
+    Index root) const {
+  const Front& front = structure_->fronts[root];
+  const UpdateMatrix S(front, workspace_.data());
+  return {S.column(0), S.size(), S.size(), Eigen::OuterStride<>(front.update_stride)};
+}
+
 bool FrontalCholesky::close_subtree(Index first, Index root, std::span<const Index> held,
                                     std::span<double> by_position, double& decrease) {
   const FrontalStructure& s = *structure_;

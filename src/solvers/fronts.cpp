@@ -60,8 +60,8 @@ void apply_postorder(std::vector<Index>& order, std::vector<Index>& position,
 class Analysis {
  public:
   Analysis(std::span<const Index> dims, Cliques cliques, std::span<const Index> order,
-           const MergingOptions& options)
-      : cliques_(cliques), options_(options) {
+           const MergingOptions& options, Index eliminated)
+      : cliques_(cliques), options_(options), eliminated_(eliminated) {
     if (order.size() != dims.size())
       throw InputError("analyze: the order has another size than dims");
     s_.dims.assign(dims.begin(), dims.end());
@@ -77,7 +77,11 @@ class Analysis {
     list_updates();
     assign_cliques();
     locate_rows();
-    plan_tasks(s_, options_.cost);
+    if (eliminated_ >= 0) {  // tree by tree, and what a tree leaves is used before the next one
+      s_.tasks = {{.begin = 0, .end = front_count()}};
+    } else {
+      plan_tasks(s_, options_.cost);
+    }
     plan_memory(s_);
     return std::move(s_);
   }
@@ -88,6 +92,9 @@ class Analysis {
 
   void form_fronts() {
     std::vector<Index> parent = elimination_tree(s_.order, s_.position, stars_);
+    if (eliminated_ >= 0) {  // cut off what stays: roots by themselves, which couple nothing
+      for (Index& p : parent) p = p < eliminated_ ? p : -1;
+    }
     apply_postorder(s_.order, s_.position, parent);
     const auto count = column_counts(s_.dims, s_.order, s_.position, parent, stars_);
     std::vector<Index> column_dim(s_.order.size());
@@ -151,7 +158,7 @@ class Analysis {
       const Index v = s_.order[i];
       for (std::int64_t e = stars_.earlier_start[v]; e < stars_.earlier_start[v + 1]; ++e) {
         Index f = front_at_[s_.position[stars_.earlier[e]]];
-        for (; visited_by[f] != i; f = s_.fronts[f].parent) {
+        for (; f >= 0 && visited_by[f] != i; f = s_.fronts[f].parent) {
           visited_by[f] = i;
           s_.updates[next[f]++] = i;
         }
@@ -222,6 +229,7 @@ class Analysis {
 
   Cliques cliques_;
   MergingOptions options_;
+  Index eliminated_;
   FrontalStructure s_;
   Stars stars_;
   std::vector<Index> front_at_;  // per position
@@ -230,8 +238,9 @@ class Analysis {
 }  // namespace
 
 FrontalStructure analyze(std::span<const std::int32_t> dims, Cliques cliques,
-                         std::span<const std::int32_t> order, const MergingOptions& options) {
-  return Analysis(dims, cliques, order, options).run();
+                         std::span<const std::int32_t> order, const MergingOptions& options,
+                         std::int32_t eliminated) {
+  return Analysis(dims, cliques, order, options, eliminated).run();
 }
 
 }  // namespace mapjoin

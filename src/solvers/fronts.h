@@ -126,7 +126,13 @@ struct FrontalStructure {
 /// anywhere else; the result's order is equivalent (same fill but for merging) but not the same.
 /// Throws InputError if `order` is not a permutation, a dimension is below 1, or there are more
 /// than 2^31 scalars.
+///
+/// With `eliminated` >= 0 only that many variables, the first ones of `order`, are to be eliminated
+/// (FrontalCholesky::factorize_subtree). No clique may lie among the others alone: they are not
+/// analysed, and each is a front by itself that nothing hangs below. The update set of a root is
+/// then what stays of its tree's surroundings.
 FrontalStructure analyze(std::span<const std::int32_t> dims, Cliques cliques,
-                         std::span<const std::int32_t> order, const MergingOptions& options = {});
+                         std::span<const std::int32_t> order, const MergingOptions& options = {},
+                         std::int32_t eliminated = -1);
 
 }  // namespace mapjoin

@@ -7,8 +7,8 @@ using ::testing::HasSubstr;
 
 class Help : public Workbench {};
 
-const char* const kCommands[] = {"solve",    "join", "reframe", "evaluate",
-                                 "simulate", "info", "demo"};
+const char* const kCommands[] = {"solve",    "join",     "reframe", "marginalize", "covariance",
+                                 "evaluate", "simulate", "info",    "demo"};
 
 TEST_F(Help, OfTheProgramNamesAllCommandsAndExitCodes) {
   const std::string help = run({"--help"});
