@@ -105,6 +105,21 @@ void add_join_arguments(CLI::App& command, JoinArguments& a) {
                   "count from 0 must have different ones")
       ->type_name("N")
       ->capture_default_str();
+  command
+      .add_option("--memory-limit", a.memory_limit,
+                  "Stay within this much memory, as in 600MB or 4GB: what does not fit is kept in "
+                  "files; the result is the same, to the bit")
+      ->transform(CLI::AsSizeValue(false))
+      ->type_name("SIZE");
+  command
+      .add_option("--scratch", a.scratch,
+                  "Folder for those files, which vanish with the run [the temporary directory]")
+      ->type_name("DIR");
+  command
+      .add_option("--checkpoint", a.checkpoint,
+                  "Keep finished subtrees in this folder: the same command takes up a run that was "
+                  "killed. Emptied when the result is written")
+      ->type_name("DIR");
   add_indefinite_argument(command, a.indefinite);
   command.add_option("--json", a.json, "Write the report's figures to this file as well")
       ->type_name("FILE");
@@ -131,6 +146,9 @@ JoinOptions join_options(const JoinArguments& a) {
   if (a.strategy == "sequential") options.strategy = Strategy::kSequential;
   const unsigned all = std::max(1U, std::thread::hardware_concurrency());
   options.threads = a.threads == 0 ? static_cast<int>(all) : a.threads;
+  options.memory_limit = static_cast<std::int64_t>(a.memory_limit);
+  options.scratch = a.scratch;
+  options.checkpoint = a.checkpoint;
   return options;
 }
 

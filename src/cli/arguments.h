@@ -24,6 +24,9 @@ struct JoinArguments {
   std::string indefinite = "refuse";
   int threads = 1;
   std::uint32_t session = 0;
+  std::uint64_t memory_limit = 0;
+  std::string scratch;
+  std::string checkpoint;
   bool skip_unknown = false;
   bool quaternion_information = false;
 };

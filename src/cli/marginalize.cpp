@@ -81,9 +81,9 @@ void add_marginalize(CLI::App& app) {
       ->required();
   command
       .add_option("--anchor", arguments->anchor,
-                  "The kept pose whose frame the result is written in when the map's own goes [the "
-                  "lowest one]")
-      ->type_name("KEY");
+                  "The frame of the result when what fixes the map's own goes [the lowest pose, "
+                  "points that are far apart where no pose is kept]")
+      ->type_name("ANCHOR");
   command
       .add_option("-o,--output", arguments->output, "OUT.map, or OUT.g2o, OUT.tum for the values")
       ->type_name("FILE")

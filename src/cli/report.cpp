@@ -41,6 +41,8 @@ std::string text(const RunReport& r) {
   line("mode", fmt::format("{}, {}, tree from the {}, {} joins", r.arguments.mode,
                            r.arguments.strategy == "dc" ? "divide and conquer" : "sequential",
                            tree_name(r), r.join.joins));
+  if (r.join.resumed_joins > 0)
+    line("resumed", fmt::format("{} joins were found in the checkpoint", r.join.resumed_joins));
   line("chi2 linear", fmt::format("{:.6f} ({} a join, {} at the root)", r.join.chi2_linear,
                                   solves(r.join.solves_per_join), r.join.root_solves));
   if (r.arguments.mode == "optimal") {
@@ -80,6 +82,7 @@ std::string json(const RunReport& r) {
   out["measurements"] = r.measurements;
   out["joins"] = r.join.joins;
   out["redone_joins"] = r.join.redone_joins;
+  out["resumed_joins"] = r.join.resumed_joins;
   out["minimum"] = r.join.minimum;
   out["mode"] = r.arguments.mode;
   out["tree"] = tree_name(r);

@@ -11,6 +11,7 @@
 #include "mapjoin/io/g2o.h"
 #include "mapjoin/io/native_map.h"
 #include "mapjoin/io/tum.h"
+#include "mapjoin/joining/checkpoint.h"
 
 namespace mapjoin::cli {
 
@@ -125,6 +126,7 @@ void run(Job job, const VariableSet<D>& variables,
   if (!job.arguments.json.empty()) files.write_text(job.arguments.json, json(report));
   Interruptible::check();
   files.commit();
+  if (!job.arguments.checkpoint.empty()) remove_checkpoint(job.arguments.checkpoint);
   fmt::print("{}", text(report));
 }
 

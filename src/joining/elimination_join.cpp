@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <numeric>
+#include <optional>
 
+#include "mapjoin/joining/checkpoint.h"
 #include "mapjoin/joining/leaf.h"
+#include "mapjoin/joining/memory_limit.h"
 #include "mapjoin/joining/place.h"
 #include "mapjoin/joining/refine.h"
 #include "mapjoin/joining/tree_walk.h"
@@ -21,10 +24,13 @@ constexpr int kMostSolves = 8;
 constexpr int kMostHalvings = 10;
 constexpr double kNothing = 1e-14;  // of chi2: what an exact fit leaves
 
+constexpr std::int64_t kSmallestFile = 256;  // variables of a subtree that a checkpoint keeps
+
 /// A cut of the elimination tree: the fronts first .. root are a subtree.
 struct Cut {
   std::int32_t first = 0;
   std::int32_t root = 0;
+  std::int64_t variables = 0;          // of the whole subtree
   std::vector<std::int32_t> children;  // cuts below
   std::vector<std::vector<std::int64_t>>
       groups;  // observations of the fronts between, in connected handfuls
@@ -56,6 +62,7 @@ class TreeCutter {
       if (!is_cut(f)) continue;
       Cut cut;
       cut.root = f;
+      cut.variables = variables_[at(f)];
       cut.first = f + 1 - fronts_below_[at(f)];
       while (!open.empty() && out[at(open.back())].root >= cut.first) {
         cut.children.push_back(open.back());
@@ -142,9 +149,13 @@ class EliminationWalk {
     cuts_ = TreeCutter(system_->structure(), observations, options.leaf_variables, options.arity)
                 .cuts();
     results_.resize(cuts_.size());
+    const FactorResidence residence =
+        factor_residence(options, system_->statistics(), pool.threads());
     for (int t = 0; t < pool.threads(); ++t)
-      desks_.push_back(std::make_unique<Desk>(graph.variables.size()));
+      desks_.push_back(std::make_unique<Desk>(graph.variables.size(), residence));
     report_.joins = static_cast<int>(cuts_.size());
+    done_.assign(cuts_.size(), 0);
+    if (!options.checkpoint.empty()) resume();
   }
 
   JoinedPieces<D> run() {
@@ -175,7 +186,8 @@ class EliminationWalk {
 
  private:
   struct Desk {
-    explicit Desk(int variables) : places(variables) {}
+    Desk(int variables, const FactorResidence& residence)
+        : places(variables), scratch(FactorOptions{.residence = residence}) {}
     Places places;
     SubtreeScratch scratch;
     WorkerPool alone;
@@ -191,8 +203,9 @@ class EliminationWalk {
       for (const std::int32_t child : cuts_[c].children)
         level[c] = std::max(level[c], level[at(child)] + 1);
       if (at(level[c]) >= out.size()) out.resize(at(level[c]) + 1);
-      out[at(level[c])].push_back(static_cast<std::int32_t>(c));
+      if (done_[c] == 0) out[at(level[c])].push_back(static_cast<std::int32_t>(c));
     }
+    std::erase_if(out, [](const auto& nodes) { return nodes.empty(); });
     return out;
   }
 
@@ -244,6 +257,38 @@ class EliminationWalk {
       }
     }
     results_[at(number)] = std::move(pieces);
+    if (is_saved(number)) {
+      checkpoint_->save(number, results_[at(number)]);
+      for (const std::int32_t child : cut.children) {
+        if (is_saved(child)) checkpoint_->remove(child);
+      }
+    }
+  }
+
+  /// Small subtrees are sooner joined again than read: a checkpoint holds what is worth a file.
+  bool is_saved(int number) const {
+    return checkpoint_ && cuts_[at(number)].variables >=
+                              std::max<std::int64_t>(kSmallestFile, graph_.variables.size() / 512);
+  }
+
+  /// Takes up what a former run has saved: a subtree that is there needs nothing below it.
+  void resume() {
+    checkpoint_.emplace(options_.checkpoint, fingerprint(graph_, options_));
+    std::vector<char> saved(cuts_.size(), 0);
+    for (const int node : checkpoint_->saved()) saved.at(at(node)) = 1;
+    for (std::size_t c = cuts_.size(); c-- > 0;) {
+      if (saved[c] != 0) {
+        if (done_[c] == 0) {
+          results_[c] = checkpoint_->load(static_cast<int>(c));
+        } else {
+          checkpoint_->remove(static_cast<int>(c));
+        }
+        done_[c] = 1;
+      }
+      if (done_[c] == 0) continue;
+      ++report_.resumed_joins;
+      for (const std::int32_t child : cuts_[c].children) done_[at(child)] = 1;
+    }
   }
 
   const MeasurementGraph<D>& graph_;
@@ -254,6 +299,8 @@ class EliminationWalk {
   std::vector<Cut> cuts_;
   std::vector<std::vector<Piece<D>>> results_;
   std::vector<std::unique_ptr<Desk>> desks_;
+  std::vector<char> done_;  // by a former run, or below what was
+  std::optional<Checkpoint<D>> checkpoint_;
 };
 
 }  // namespace

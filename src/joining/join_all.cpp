@@ -7,6 +7,7 @@
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/local_map.h"
 #include "mapjoin/joining/elimination_join.h"
+#include "mapjoin/joining/memory_limit.h"
 #include "mapjoin/joining/observing_join.h"
 #include "mapjoin/joining/refine.h"
 #include "mapjoin/joining/report.h"
@@ -24,6 +25,16 @@ void check(const JoinOptions& options) {
   if (options.threads < 1) throw InputError("threads must be at least 1");
   if (options.leaf_variables < 1) throw InputError("leaf_variables must be at least 1");
   if (options.arity < 2) throw InputError("arity must be at least 2");
+  if (options.memory_limit < 0) throw InputError("memory_limit must not be negative");
+  const bool observing = options.mode == Mode::kObserve || options.mode == Mode::kOptimal;
+  if (options.memory_limit > 0 && !observing)
+    throw InputError("a memory limit is for observe and optimal mode; leave it out");
+  if (!options.checkpoint.empty() && !(observing && options.tree == TreeShape::kGraph &&
+                                       options.strategy == Strategy::kDivideAndConquer)) {
+    throw InputError(
+        "checkpoints are for divide and conquer on the graph tree, in observe and optimal mode; "
+        "leave them out");
+  }
   if (options.max_refine_solves < 1) throw InputError("max_refine_solves must be at least 1");
 }
 
@@ -82,7 +93,6 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
   report.components = static_cast<int>(pieces.size());
 
   Places places(graph.variables.size());
-  FrontalCholesky cholesky;
   const auto whole = std::make_shared<const MeasurementGraph<D>>(
       pieces.size() == 1 ? graph : MeasurementGraph<D>());
   for (Piece<D>& piece : pieces) {
@@ -95,6 +105,7 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
     report.chi2_linear += linear;
     if (options.mode == Mode::kOptimal) {
       const auto refine_start = Clock::now();
+      FrontalCholesky cholesky({.residence = factor_residence(options, system.statistics(), 1)});
       const RefineResult refined =
           refine(graph, piece, system, cholesky, pool, options.max_refine_solves, kRefineTolerance,
                  options.progress);
@@ -128,6 +139,7 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
         fmt::format("the refinement stopped after {} solves before it reached a minimum",
                     report.refine_solves));
   }
+  note_excess(options, report);
   report.seconds = seconds_since(start);
   return result;
 }

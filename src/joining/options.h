@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <string>
 #include <string_view>
@@ -54,6 +55,15 @@ struct JoinOptions {
   int max_refine_solves = 100;
   bool information = true;  ///< also compute the information matrix of the result
   ProgressCallback progress;
+
+  /// Bytes of memory that the process is to stay within, 0: no limit. Joins that do not fit (graph
+  /// tree, observe and optimal mode) keep factors in files of `scratch`; the result is the same.
+  std::int64_t memory_limit = 0;
+  std::filesystem::path scratch;  ///< empty: the system's temporary directory
+  /// A folder in which finished subtrees are kept (graph tree, observe and optimal mode), so that a
+  /// run that was killed is taken up where it was by calling again; empty: none. The result is the
+  /// same. remove_checkpoint() when it is no longer needed.
+  std::filesystem::path checkpoint;
 };
 
 /// What a run did.
@@ -64,8 +74,9 @@ struct JoinReport {
   int root_solves = 1;
   int refine_solves = 0;  ///< linear solves of the refinement
   int joins = 0;
-  int redone_joins = 0;  ///< joins that a safeguard solved once more or in smaller steps
-  bool minimum = true;   ///< optimal mode: the end is a minimum (the gradient vanishes)
+  int redone_joins = 0;   ///< joins that a safeguard solved once more or in smaller steps
+  int resumed_joins = 0;  ///< joins that were found in the checkpoint
+  bool minimum = true;    ///< optimal mode: the end is a minimum (the gradient vanishes)
   std::int64_t poses = 0;
   std::int64_t features = 0;  ///< variables that are no poses
   std::int64_t observations = 0;

@@ -5,6 +5,7 @@
 
 #if defined(__linux__)
 #include <sys/mman.h>
+#include <unistd.h>
 #endif
 
 namespace mapjoin {
@@ -37,6 +38,19 @@ double* AlignedBuffer::require(std::int64_t size) {
   data_.reset(static_cast<double*>(memory));
   size_ = size;
   return data();
+}
+
+void AlignedBuffer::give_back(std::int64_t begin, std::int64_t end) {
+#if defined(__linux__)
+  static const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
+  const auto first = (reinterpret_cast<std::uintptr_t>(data() + begin) + page - 1) / page * page;
+  const auto last = reinterpret_cast<std::uintptr_t>(data() + end) / page * page;
+  if (first < last)
+    static_cast<void>(madvise(reinterpret_cast<void*>(first), last - first, MADV_DONTNEED));
+#else
+  static_cast<void>(begin);
+  static_cast<void>(end);
+#endif
 }
 
 }  // namespace mapjoin

@@ -16,6 +16,9 @@ class AlignedBuffer {
  public:
   /// Room for `size` doubles. What was there is lost if the buffer has to grow.
   double* require(std::int64_t size);
+  /// Gives the memory of the doubles begin .. end - 1 back to the system, as far as it is whole
+  /// pages: what was there is lost, the room stays.
+  void give_back(std::int64_t begin, std::int64_t end);
   double* data() const { return data_.get(); }
   std::int64_t size() const { return size_; }
 

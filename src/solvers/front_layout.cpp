@@ -214,6 +214,14 @@ void plan_memory(FrontalStructure& structure) {
     statistics.flops += front_flops(front.pivot_dim, front.update_dim);
     statistics.largest_front = std::max(statistics.largest_front, front.rows());
   }
+  std::int64_t live = 0;
+  for (std::size_t f = 0; f < fronts.size(); ++f) {
+    live += update_size(fronts[f]);
+    statistics.live_update_bytes = std::max(statistics.live_update_bytes, live);
+    for (const Index child : structure.children_of(static_cast<Index>(f)))
+      live -= update_size(fronts[child]);
+  }
+  statistics.live_update_bytes *= static_cast<std::int64_t>(sizeof(double));
   const std::int64_t workspace_end = UpdatePlanner(structure).run();
   statistics.fronts = static_cast<std::int64_t>(fronts.size());
   statistics.scalars = structure.scalar_at.back();

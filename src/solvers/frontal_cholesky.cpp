@@ -64,10 +64,20 @@ void FrontalCholesky::factor_fronts(Index begin, Index end, Assembler assemble, 
   std::int64_t unsettled = structure_->fronts[begin].panel - first_panel_;
   for (Index f = begin; f < end; ++f) {
     factor_front(f, assemble, scratch, loop);
+    if (options_.residence.bytes >= 0) give_back_updates(f);
     const std::int64_t done = end_of_panel(structure_->fronts[f]) - first_panel_;
     if (done - unsettled < kSettled && f + 1 < end) continue;
     factor_.settle(unsettled, done);
     unsettled = done;
+  }
+}
+
+/// The update matrices below a front are added to it: their memory is free until the next time.
+void FrontalCholesky::give_back_updates(Index front) {
+  for (const Index child : structure_->children_of(front)) {
+    const Front& below = structure_->fronts[child];
+    workspace_.give_back(below.update,
+                         below.update + std::int64_t{below.update_stride} * below.update_dim);
   }
 }
 

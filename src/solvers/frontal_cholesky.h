@@ -148,6 +148,7 @@ class FrontalCholesky {
   double* panel(const Front& front) const { return factor_.data() + (front.panel - first_panel_); }
   void factor_fronts(std::int32_t begin, std::int32_t end, Assembler assemble, double* scratch,
                      LoopRunner loop);
+  void give_back_updates(std::int32_t front);
   void substitute_fronts(std::int32_t begin, std::int32_t end, double* x, double* local) const;
   void factor_front(std::int32_t front, Assembler assemble, double* scratch, LoopRunner loop);
   void back_substitute(std::int32_t front, double* x, double* local) const;

@@ -67,6 +67,10 @@ bool FrontalCholesky::close_subtree(Index first, Index root, std::span<const Ind
       std::fill(to, to + row_end, 0.0);
       std::copy(S.column(j) + j, S.column(j) + q + 1, to + j);
     }
+    if (options_.residence.bytes >= 0) {
+      const Front& last = s.fronts[root];
+      workspace_.give_back(last.update, last.update + std::int64_t{last.update_stride} * q);
+    }
     for (const Index row : held) view.column(row)[row] += std::max(S.diagonal()[row], 1e-300);
     double* const smallest = memory + std::int64_t{row_end} * q;
     for (Index j = 0; j < q; ++j) smallest[j] = kSmallestHeldPivot * S.diagonal()[j];
@@ -81,6 +85,7 @@ bool FrontalCholesky::close_subtree(Index first, Index root, std::span<const Ind
       for (Index i = s.scalar_at[position]; i < s.scalar_at[position + 1]; ++i)
         by_position[i] = *from++;
     }
+    if (options_.residence.bytes >= 0) closing_.give_back(0, size);
   }
   substitute_fronts(first, root + 1, by_position.data(), scratch_.data());
   return true;

@@ -70,11 +70,12 @@ struct FrontTask {
 struct FactorStatistics {
   std::int64_t fronts = 0;
   std::int64_t scalars = 0;
-  std::int64_t factor_nonzeros = 0;  ///< of L, with the zeros that merging fronts made explicit
-  double flops = 0;                  ///< of one numeric factorization
-  std::int32_t largest_front = 0;    ///< rows
-  std::int64_t factor_bytes = 0;     ///< kept
-  std::int64_t workspace_bytes = 0;  ///< for update matrices; kept for the next factorization
+  std::int64_t factor_nonzeros = 0;    ///< of L, with the zeros that merging fronts made explicit
+  double flops = 0;                    ///< of one numeric factorization
+  std::int32_t largest_front = 0;      ///< rows
+  std::int64_t factor_bytes = 0;       ///< kept
+  std::int64_t workspace_bytes = 0;    ///< for update matrices; kept for the next factorization
+  std::int64_t live_update_bytes = 0;  ///< of those that wait for their parent, at most, one thread
 };
 
 struct FrontalStructure {

@@ -19,8 +19,8 @@ namespace mapjoin {
 ///
 /// Frames: the map stays in its frame when its anchor is kept. Otherwise it is written in that of
 /// `anchor`, or where none is given in that of the lowest kept pose; where no pose is kept either,
-/// the values stay as they are and the anchor is left empty, for the caller to change_frame to one
-/// by features.
+/// in that of points that are far apart (farthest_points). Where there are none, as of walls alone,
+/// the values stay as they are and the anchor is left empty.
 ///
 /// The dropped variables are eliminated in a minimum degree order by dense fronts. Variables kept
 /// around a connected set of dropped ones all become neighbours: dropping one trajectory leaves a

@@ -16,6 +16,7 @@ namespace mapjoin {
 
 /// Buffers of ObservationSystem::solve_subtree, one for each thread.
 struct SubtreeScratch {
+  explicit SubtreeScratch(const FactorOptions& options = {}) : cholesky(options) {}
   FrontalCholesky cholesky;
   std::vector<double> by_position;
   std::vector<std::vector<std::int32_t>> slots;  ///< per type of measurement

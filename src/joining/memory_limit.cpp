@@ -1,0 +1,53 @@
+#include "mapjoin/joining/memory_limit.h"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <fstream>
+
+namespace mapjoin {
+
+namespace {
+
+constexpr std::int64_t kMiB = std::int64_t{1} << 20;
+constexpr std::int64_t kSmallest = 16 * kMiB;  // portions that are being written
+/// Besides the factor a solve takes increments, the values before the step and scratch: doubles a
+/// scalar.
+constexpr std::int64_t kDoublesPerScalar = 8;
+
+}  // namespace
+
+std::int64_t resident_memory() {
+  std::ifstream in("/proc/self/statm");
+  std::int64_t pages = 0;
+  std::int64_t resident = 0;
+  if (!(in >> pages >> resident)) return 0;
+  return resident * static_cast<std::int64_t>(sysconf(_SC_PAGESIZE));
+}
+
+FactorResidence factor_residence(const JoinOptions& options, const FactorStatistics& statistics,
+                                 int holders) {
+  if (options.memory_limit <= 0) return {};
+  const std::int64_t largest = statistics.largest_front;
+  const std::int64_t each = statistics.live_update_bytes + largest * largest * 8 + kSmallest;
+  const std::int64_t needed =
+      resident_memory() + statistics.scalars * kDoublesPerScalar * 8 + each * holders;
+  const std::int64_t room = options.memory_limit - needed;
+  return {.bytes = std::max(room / holders, kSmallest), .directory = options.scratch};
+}
+
+void note_excess(const JoinOptions& options, JoinReport& report) {
+  if (options.memory_limit <= 0) return;
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const std::int64_t peak = std::int64_t{usage.ru_maxrss} * 1024;
+  if (peak <= options.memory_limit) return;
+  report.notes.push_back(
+      fmt::format("the memory limit of {} MiB was too small, {} MiB were in use: measurements, "
+                  "values and the dense matrices at hand have to be in memory",
+                  options.memory_limit / kMiB, (peak + kMiB - 1) / kMiB));
+}
+
+}  // namespace mapjoin
