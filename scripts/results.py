@@ -599,8 +599,57 @@ def frames(bench, report, options):
     report.close("by tests")
 
 
+def scale(bench, report, options):
+    report.section(11, "Scale and memory", "Simulated worlds from 10^4 to 10^6 poses in the plane, on a "
+                   "sphere to 10^5: seconds of solve grow as poses to a power of at most 1.15 in the "
+                   "plane; 10^6 poses in at most 40 s and 6 GiB on two threads. In half the memory the "
+                   "same bits.")
+    report.commands("mapjoin simulate WORLD --poses N --output world.g2o",
+                    "mapjoin solve world.g2o --threads T --output OUT.g2o --json STATS.json",
+                    "mapjoin solve world.g2o --memory-limit HALF --output HALF.g2o")
+    worlds = [("manhattan", n) for n in (10**4, 10**5, 10**6)] + [("sphere", n) for n in (10**4, 10**5)]
+    if options.quick:
+        worlds = [("manhattan", 10**4), ("manhattan", 10**5), ("sphere", 10**4)]
+    rows, seconds = [], {}
+    for name, poses in worlds:
+        world = bench.scratch / "world.g2o"
+        bench.call("simulate", name, "--poses", poses, "--output", world)
+        for threads in (1, 2):
+            stats, out = bench.solve("solve", world, "--threads", threads)
+            memory = stats["peak_memory_bytes"]
+            if threads == 1:
+                seconds[name, poses] = stats["seconds"]["solve"]
+                whole, peak = out.read_bytes(), memory
+            holds = ""
+            if threads == 2:
+                same = out.read_bytes() == whole
+                fits = poses < 10**6 or (stats["seconds"]["solve"] <= 40 and memory <= 6 * 2**30)
+                holds = report.check(same and fits, f"{name}, {poses:,} poses, two threads")
+            rows.append([name, f"{poses:,}", f"{stats['measurements']:,}", str(threads), "",
+                         number(stats["seconds"]["read"], 2), number(stats["seconds"]["solve"], 2),
+                         number(memory / 2**20, 0), f"{memory / poses:,.0f}", holds])
+    limit = peak // 2  # of the last world
+    stats, out = bench.solve("solve", world, "--threads", 1, "--memory-limit", limit, output="half.g2o")
+    memory = stats["peak_memory_bytes"]
+    rows.append([name, f"{poses:,}", f"{stats['measurements']:,}", "1", number(limit / 2**20, 0),
+                 number(stats["seconds"]["read"], 2), number(stats["seconds"]["solve"], 2),
+                 number(memory / 2**20, 0), f"{memory / poses:,.0f}",
+                 report.check(out.read_bytes() == whole and memory <= limit, "half the memory")])
+    report.table(["world", "poses", "measurements", "threads", "limit, MiB", "seconds read",
+                  "seconds solve", "peak memory, MiB", "bytes a pose", "holds"], rows)
+    plane = sorted(n for w, n in seconds if w == "manhattan")
+    exponent = (math.log(seconds["manhattan", plane[-1]] / seconds["manhattan", plane[0]])
+                / math.log(plane[-1] / plane[0]))
+    report.say(f"In the plane seconds grow as poses to the power {exponent:.2f}: "
+               f"{report.check(exponent <= 1.15, 'growth in the plane')}.")
+    report.say("Killed twenty times at random moments and taken up again (`--checkpoint`), a run ends "
+               "with the same bits:")
+    tests_of(bench, report, "mapjoin_program_tests", "Limits*")
+    report.close()
+
+
 SECTIONS = [optimum, observe, published, lemma, shuffled_ids, recordings, speed, large_worlds,
-            bad_inputs, frames]
+            bad_inputs, frames, scale]
 
 
 def page(report, bench, options, seconds):

@@ -33,8 +33,9 @@ FactorResidence factor_residence(const JoinOptions& options, const FactorStatist
   const std::int64_t largest = statistics.largest_front;
   const std::int64_t each = statistics.live_update_bytes + largest * largest * 8 + kSmallest;
   const std::int64_t needed =
-      resident_memory() + statistics.scalars * kDoublesPerScalar * 8 + each * holders;
-  const std::int64_t room = options.memory_limit - needed;
+      resident_memory() + statistics.scalars * kDoublesPerScalar * 8 + each * options.threads;
+  // A twentieth is for what allocators keep.
+  const std::int64_t room = options.memory_limit - options.memory_limit / 20 - needed;
   return {.bytes = std::max(room / holders, kSmallest), .directory = options.scratch};
 }
 
