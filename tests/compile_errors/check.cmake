@@ -7,8 +7,10 @@ file(READ "${EXAMPLE}" right)
 # The type's own static_assert would say it too; what is tested is the use.
 string(REPLACE "static_assert(mapjoin::VariableType<Line>);" "" right "${right}")
 set(flags -std=c++20 -fsyntax-only)
+list(REMOVE_ITEM INCLUDES "")
+list(REMOVE_DUPLICATES INCLUDES)
 foreach(dir IN LISTS INCLUDES)
-  list(APPEND flags -isystem "${dir}")
+  list(APPEND flags "-I${dir}") # of directories that compilers search anyway, ignored by them
 endforeach()
 file(MAKE_DIRECTORY "${WORK}")
 set(failures 0)
@@ -70,14 +72,17 @@ mistake("int ambient = 2" "int ambient = 4" "`ambient` is missing or wrong")
 mistake("name = \"line\"" "name = \"oriented line\"" "`name` is missing or wrong")
 mistake("S a, d;" "double a, d;" "`Value` is missing or wrong")
 mistake("S a, d;" "S a, d; bool seen;" "`Value` is missing or wrong")
-mistake("int dim = 2" "int dim = 3" "`retract` is missing or wrong")
+mistake("int dim = 2" "int dim = 3" "`local` is missing or wrong")
 mistake("static Vec<2, S> local(" "static S local(" "`local` is missing or wrong")
 mistake("static Vec<2, S> local(" "static Vec<3, S> local(" "`local` is missing or wrong")
-mistake("const mapjoin::Rigid<2, S>& T," "" "`transform` is missing or wrong")
+mistake("const mapjoin::Rigid<2, S>& T," "const mapjoin::Rigid<2, S>& T, S,"
+        "`transform` is missing or wrong")
 mistake("const mapjoin::Rigid<2, S>& T," "const mapjoin::Rigid<3, S>& T,"
         "`transform` is missing or wrong")
 mistake("static Vec<2> direction(" "static Vec<3> direction(" "`direction` is wrong")
-mistake("static double offset(" "static Vec<2> offset(" "`offset` is wrong")
+mistake("static double offset(const Value<double>& x) { return x.d; }"
+        "static Vec<2> offset(const Value<double>& x) { return Vec<2>(x.d, x.d); }"
+        "`offset` is wrong")
 mistake("static double offset(" "static double gauge(const Value<double>&); static double offset("
         "`gauge` is wrong")
 mistake("static double offset(" "static Vec<3> position(const Value<double>&); static double offset("
