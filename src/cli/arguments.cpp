@@ -45,7 +45,8 @@ const char* const kModes = R"(Modes:
 )";
 
 const char* const kAnchors =
-    "that of a pose, pose:12 or 1/pose:12 (session 1); or of points, two in the plane "
+    "that of a pose, pose:12 or 1/pose:12 (session 1); world, where the data know of it; or of "
+    "points, two in the plane "
     "(points:84,85: the first at the origin, the second on the positive x axis), three in space "
     "(points:84,85,86: the third in the x-y plane at positive y)";
 

@@ -8,6 +8,7 @@
 #include "mapjoin/cli/progress.h"
 #include "mapjoin/cli/report.h"
 #include "mapjoin/frames/change_frame.h"
+#include "mapjoin/graph/world.h"
 #include "mapjoin/io/g2o.h"
 #include "mapjoin/io/native_map.h"
 #include "mapjoin/io/tum.h"
@@ -39,6 +40,11 @@ void into_frame(std::vector<Map<D>>& pieces, const Anchor<D>& anchor) {
     if (!holds) continue;
     map = change_frame(std::move(map), anchor);
     return;
+  }
+  if (anchor.keys[0] == world_key()) {
+    throw InputError(
+        "--anchor world: the measurements from the world do not say where anything lies in it; two "
+        "positions in the plane do, three that are not on one line in space, or a pose");
   }
   throw InputError(fmt::format(
       "--anchor {}: its points are in different pieces, which nothing links; name points "

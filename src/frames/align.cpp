@@ -12,6 +12,11 @@ namespace {
 
 /// Rotations below this part of the best determined one count as undetermined by the geometry.
 constexpr double kRankTolerance = 1e-10;
+/// Spreads below this part of the coordinates are rounding errors.
+constexpr double kRounding = 1e-12;
+/// Least eigenvalue of sum u u^T over unit vectors that tell all directions: two at some three
+/// degrees.
+constexpr double kCrossing = 1e-3;
 
 /// sum over i of the gauge information of values, written about their centroid so that distances do
 /// not hide rank.
@@ -32,34 +37,27 @@ Mat<kGauge<D>, kGauge<D>> gauge_information(const CommonColumn<D>& common, const
   return N;
 }
 
-template <int D>
-struct Positions {
-  std::vector<double> a, b;  // D a position
-  std::size_t size() const { return a.size() / D; }
-  Eigen::Map<const Eigen::Matrix<double, D, Eigen::Dynamic>> in_a() const {
-    return {a.data(), D, static_cast<Eigen::Index>(size())};
-  }
-  Eigen::Map<const Eigen::Matrix<double, D, Eigen::Dynamic>> in_b() const {
-    return {b.data(), D, static_cast<Eigen::Index>(size())};
-  }
-};
+/// What common variables of a column offer of one kind.
+template <int D, int Rows>
+void append(void (*get)(const double* x, const int* index, std::size_t n, double* out),
+            const CommonColumn<D>& common, Pairs<Rows>& pairs) {
+  if (get == nullptr || common.in_a.empty()) return;
+  const std::size_t at = pairs.a.size();
+  pairs.a.resize(at + common.in_a.size() * Rows);
+  pairs.b.resize(pairs.a.size());
+  get(common.a, common.in_a.data(), common.in_a.size(), pairs.a.data() + at);
+  get(common.b, common.in_b.data(), common.in_b.size(), pairs.b.data() + at);
+}
 
 template <int D>
-Positions<D> common_positions(std::span<const CommonColumn<D>> common) {
-  Positions<D> out;
-  for (const CommonColumn<D>& c : common) {
-    if (c.kind->positions == nullptr || c.in_a.empty()) continue;
-    const std::size_t at = out.a.size();
-    out.a.resize(at + c.in_a.size() * D);
-    out.b.resize(at + c.in_a.size() * D);
-    c.kind->positions(c.a, c.in_a.data(), c.in_a.size(), out.a.data() + at);
-    c.kind->positions(c.b, c.in_b.data(), c.in_b.size(), out.b.data() + at);
-  }
+Pairs<D> common_positions(std::span<const CommonColumn<D>> common) {
+  Pairs<D> out;
+  for (const CommonColumn<D>& c : common) append(c.kind->positions, c, out);
   return out;
 }
 
 template <int D>
-Rigid<D> centring(const Positions<D>& positions) {
+Rigid<D> centring(const Pairs<D>& positions) {
   Rigid<D> centre;
   if (positions.size() > 0) centre.t = -positions.in_a().rowwise().mean();
   return centre;
@@ -101,6 +99,108 @@ Mat<D, D> project_rotation(const Eigen::Matrix<double, D, D>& M) {
   }
 }
 
+/// What takes part in a fit. Only that may vouch for it: what else the maps share can fix a frame,
+/// but not this one.
+template <int D>
+CommonGeometry<D> collect(std::span<const CommonColumn<D>> common) {
+  CommonGeometry<D> out;
+  out.positions = common_positions(common);
+  for (const CommonColumn<D>& c : common) {
+    append(c.kind->rotations, c, out.rotations);
+    append(c.kind->directions, c, out.directions);
+    if (c.kind->offsets == nullptr) continue;
+    append(c.kind->directions, c, out.normals);
+    append(c.kind->offsets, c, out.offsets);
+  }
+  return out;
+}
+
+/// What vectors, as columns, tell of a rotation: sum [v]x^T [v]x, in the plane sum |v|^2.
+template <int D, class Vectors>
+Mat<kRotation<D>, kRotation<D>> rotation_information(const Vectors& v) {
+  Mat<kRotation<D>, kRotation<D>> out;
+  if constexpr (D == 2) {
+    out(0, 0) = v.squaredNorm();
+  } else {
+    out = v.squaredNorm() * Mat<3, 3>::Identity();
+    out.noalias() -= v * v.transpose();
+  }
+  return out;
+}
+
+template <int N>
+Eigen::Matrix<double, N, 1> eigenvalues(const Mat<N, N>& symmetric) {
+  const Eigen::Matrix<double, N, N> aligned = symmetric;
+  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, N, N>>(aligned, Eigen::EigenvaluesOnly)
+      .eigenvalues();
+}
+
+/// \returns false when the rotation is not determined.
+template <int D>
+bool fit_rotation(const CommonGeometry<D>& common, Rigid<D>& T) {
+  constexpr int K = kRotation<D>;
+  Eigen::Matrix<double, D, D> M = Eigen::Matrix<double, D, D>::Zero();
+  Mat<K, K> positions = Mat<K, K>::Zero();
+  double weight = 1.0;
+  if (const Eigen::Index n = common.positions.size(); n > 0) {
+    const auto in_a = common.positions.in_a();
+    const auto in_b = common.positions.in_b();
+    const auto mean = [](const auto& p) -> Eigen::Matrix<double, D, 1> {
+      return p.rowwise().mean();
+    };
+    const Eigen::Matrix<double, D, Eigen::Dynamic> a = in_a.colwise() - mean(in_a);
+    const Eigen::Matrix<double, D, Eigen::Dynamic> b = in_b.colwise() - mean(in_b);
+    // Where the two maps disagree about how far apart the common positions are, their direction
+    // means little: the spread in both counts, so that orientations always weigh at least twice
+    // what positions can.
+    const double spread = (a.squaredNorm() + b.squaredNorm()) / static_cast<double>(n);
+    const double rounding =
+        kRounding * std::max(in_a.cwiseAbs().maxCoeff(), in_b.cwiseAbs().maxCoeff());
+    if (spread > rounding * rounding) {
+      weight = spread;
+      M = a * b.transpose();
+      positions = rotation_information<D>(a) / weight;
+    }
+  }
+  Mat<K, K> turning = positions;
+  for (Eigen::Index k = 0; k < common.rotations.size(); ++k) {
+    const Eigen::Map<const Mat<D, D>> a(common.rotations.a.data() + k * D * D);
+    const Eigen::Map<const Mat<D, D>> b(common.rotations.b.data() + k * D * D);
+    M.noalias() += weight * (a * b.transpose());
+    turning += Mat<K, K>::Identity() * (D - 1);
+  }
+  if (common.directions.size() > 0) {
+    M.noalias() += weight * (common.directions.in_a() * common.directions.in_b().transpose());
+    turning += rotation_information<D>(common.directions.in_a());
+  }
+  const auto by_positions = eigenvalues<K>(positions);
+  if (!(by_positions(0) > kRankTolerance * by_positions(K - 1)) &&
+      !(eigenvalues<K>(turning)(0) > kCrossing))
+    return false;
+  T.R = project_rotation<D>(M);
+  return true;
+}
+
+/// With the rotation known. \returns false when the translation is not determined.
+template <int D>
+bool fit_translation(const CommonGeometry<D>& common, Rigid<D>& T) {
+  const auto n = static_cast<double>(common.positions.size());
+  if (n > 0) {
+    const Vec<D> mean_a = common.positions.in_a().rowwise().mean();
+    const Vec<D> mean_b = common.positions.in_b().rowwise().mean();
+    T.t = mean_a - T.R * mean_b;
+  }
+  if (common.offsets.size() == 0) return n > 0;
+  const auto normals = common.normals.in_a();
+  const Mat<D, D> crossing = normals * normals.transpose();
+  if (n == 0 && !(eigenvalues<D>(crossing)(0) > kCrossing)) return false;
+  const Eigen::VectorXd missing = (common.offsets.in_a() - common.offsets.in_b()).transpose() -
+                                  normals.transpose() * Eigen::Matrix<double, D, 1>(T.t);
+  const Eigen::Matrix<double, D, D> N = crossing + n * Mat<D, D>::Identity();
+  T.t += N.ldlt().solve(normals * missing);
+  return true;
+}
+
 }  // namespace
 
 template <int D>
@@ -110,47 +210,18 @@ bool fixes_frame(std::span<const CommonColumn<D>> common) {
 
 template <int D>
 std::optional<Rigid<D>> align(std::span<const CommonColumn<D>> common) {
-  const Positions<D> positions = common_positions(common);
-  const Rigid<D> centre = centring(positions);
-  // Only what takes part in the fit may vouch for it: two walls fix a frame, but not this one.
-  std::vector<CommonColumn<D>> fitted;
-  for (const CommonColumn<D>& c : common) {
-    if (c.kind->positions != nullptr || c.kind->rotations != nullptr) fitted.push_back(c);
-  }
-  if (positions.size() == 0 || !has_rank<D>(fitted, centre)) return std::nullopt;
+  return align(collect(common));
+}
 
-  const Vec<D> mean_a = -centre.t;
-  const Vec<D> mean_b = positions.in_b().rowwise().mean();
-  const Eigen::Matrix<double, D, Eigen::Dynamic> a =
-      positions.in_a().colwise() - Eigen::Matrix<double, D, 1>(mean_a);
-  const Eigen::Matrix<double, D, Eigen::Dynamic> b =
-      positions.in_b().colwise() - Eigen::Matrix<double, D, 1>(mean_b);
-  Eigen::Matrix<double, D, D> M = a * b.transpose();
-  // Where the two maps disagree about how far apart the common positions are, their direction means
-  // little: the spread in both counts, so that orientations always weigh at least twice what
-  // positions can.
-  const double spread = (a.squaredNorm() + b.squaredNorm()) / static_cast<double>(positions.size());
-  const double weight = spread > 0.0 ? spread : 1.0;
-  std::vector<double> Ra, Rb;
-  for (const CommonColumn<D>& c : common) {
-    if (c.kind->rotations == nullptr || c.in_a.empty()) continue;
-    Ra.resize(c.in_a.size() * D * D);
-    Rb.resize(Ra.size());
-    c.kind->rotations(c.a, c.in_a.data(), c.in_a.size(), Ra.data());
-    c.kind->rotations(c.b, c.in_b.data(), c.in_b.size(), Rb.data());
-    for (std::size_t k = 0; k < c.in_a.size(); ++k) {
-      using Matrix = Eigen::Map<const Mat<D, D>>;
-      M += weight * (Matrix(Ra.data() + k * D * D) * Matrix(Rb.data() + k * D * D).transpose());
-    }
-  }
+template <int D>
+std::optional<Rigid<D>> align(const CommonGeometry<D>& common) {
   Rigid<D> T;
-  T.R = project_rotation<D>(M);
-  T.t = mean_a - T.R * mean_b;
+  if (!fit_rotation(common, T) || !fit_translation(common, T)) return std::nullopt;
   return T;
 }
 
 template <int D>
-std::optional<Rigid<D>> align(const Values<D>& a, const Values<D>& b) {
+CommonGeometry<D> common_geometry(const Values<D>& a, const Values<D>& b) {
   const std::vector<int> numbers = numbers_in(a.variables(), b.variables());
   std::vector<CommonColumn<D>> common;
   std::vector<std::vector<int>> in_a(a.variables().columns().size()), in_b(in_a.size());
@@ -166,12 +237,19 @@ std::optional<Rigid<D>> align(const Values<D>& a, const Values<D>& b) {
     }
     common.push_back({column.kind, a.data(static_cast<int>(c)), b.data(other), in_a[c], in_b[c]});
   }
-  return align<D>(common);
+  return collect(std::span<const CommonColumn<D>>(common));
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                 \
-  template bool fixes_frame<D>(std::span<const CommonColumn<D>>);              \
-  template std::optional<Rigid<D>> align<D>(std::span<const CommonColumn<D>>); \
+template <int D>
+std::optional<Rigid<D>> align(const Values<D>& a, const Values<D>& b) {
+  return align(common_geometry(a, b));
+}
+
+#define MAPJOIN_INSTANTIATE(D)                                                       \
+  template bool fixes_frame<D>(std::span<const CommonColumn<D>>);                    \
+  template std::optional<Rigid<D>> align<D>(std::span<const CommonColumn<D>>);       \
+  template std::optional<Rigid<D>> align<D>(const CommonGeometry<D>&);               \
+  template CommonGeometry<D> common_geometry<D>(const Values<D>&, const Values<D>&); \
   template std::optional<Rigid<D>> align<D>(const Values<D>&, const Values<D>&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "mapjoin/graph/values.h"
 
@@ -25,15 +27,55 @@ bool fixes_frame(std::span<const CommonColumn<D>> common);
 
 /// The rigid motion T that best lays map b on map a: T x_b ~ x_a for the common variables.
 ///
-/// Closed form: least squares over positions (Procrustes) and orientations (chordal mean) together,
-/// one SVD; the orientations are weighted by the mean squared spread of the common positions, so
-/// that units do not matter. Variable types without position or rotation take no part. O(common).
-/// \returns nothing when the common variables do not fix the motion.
+/// Closed form, in two steps, by what variable types offer of themselves (graph/variable.h):
+///
+///   R  from the positions about their mean (Procrustes), orientations and directions (chordal
+///      mean), one SVD; orientations and directions are weighted by the mean squared spread of the
+///      common positions, so that units do not matter
+///   t  from the positions and, along their directions, the offsets: least squares, D x D
+///
+/// So a pose will do; two points in the plane, three in space that are not collinear; two lines of
+/// the plane that cross, three planes of space that meet in a point; or a line and a point. Lines
+/// and planes within three degrees of parallel do not tell where they cross. Types that offer
+/// nothing take no part. O(common). \returns nothing when what takes part does not fix the motion.
 template <int D>
 std::optional<Rigid<D>> align(std::span<const CommonColumn<D>> common);
 
 /// The same for two sets of values. \returns nothing when they share too little.
 template <int D>
 std::optional<Rigid<D>> align(const Values<D>& a, const Values<D>& b);
+
+/// Things seen in two maps, a and b, pair by pair: `Rows` doubles each.
+template <int Rows>
+struct Pairs {
+  using Columns = Eigen::Matrix<double, Rows, Eigen::Dynamic>;
+  std::vector<double> a, b;
+
+  Eigen::Index size() const { return static_cast<Eigen::Index>(a.size()) / Rows; }
+  Eigen::Map<const Columns> in_a() const { return {a.data(), Rows, size()}; }
+  Eigen::Map<const Columns> in_b() const { return {b.data(), Rows, size()}; }
+  void add(const double* x, const double* y) {
+    a.insert(a.end(), x, x + Rows);
+    b.insert(b.end(), y, y + Rows);
+  }
+};
+
+/// What two maps have in common, as geometry.
+template <int D>
+struct CommonGeometry {
+  Pairs<D> positions;
+  Pairs<D * D> rotations;  ///< column-major
+  Pairs<D> directions;     ///< unit vectors
+  Pairs<D> normals;        ///< unit vectors that `offsets` are measured along; `directions` too
+  Pairs<1> offsets;
+};
+
+/// What the common variables of two sets of values offer.
+template <int D>
+CommonGeometry<D> common_geometry(const Values<D>& a, const Values<D>& b);
+
+/// The same fit, of what may be no variable of either: positions measured by satellites, say.
+template <int D>
+std::optional<Rigid<D>> align(const CommonGeometry<D>& common);
 
 }  // namespace mapjoin

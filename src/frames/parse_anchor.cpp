@@ -6,6 +6,7 @@
 #include "mapjoin/frames/points_anchor.h"
 #include "mapjoin/graph/check_local_map.h"
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/world.h"
 
 namespace mapjoin {
 
@@ -15,11 +16,12 @@ constexpr std::string_view kPointsHead = "points:";
 
 template <int D>
 InputError no_anchor(std::string_view text) {
-  return InputError(fmt::format(
-      "'{}' is not an anchor: write a pose, as in pose:12 or 1/pose:12, or {} points, as in {} (in "
-      "session 1: {})",
-      text, D == 2 ? "two" : "three", D == 2 ? "points:84,85" : "points:84,85,86",
-      D == 2 ? "points:1/84,1/85" : "points:1/84,1/85,1/86"));
+  return InputError(
+      fmt::format("'{}' is not an anchor: write a pose, as in pose:12, 1/pose:12 or world, or {} "
+                  "points, as in {} (in "
+                  "session 1: {})",
+                  text, D == 2 ? "two" : "three", D == 2 ? "points:84,85" : "points:84,85,86",
+                  D == 2 ? "points:1/84,1/85" : "points:1/84,1/85,1/86"));
 }
 
 /// A key of the given type, from "84" or "1/84".
@@ -50,7 +52,8 @@ Anchor<D> parse_anchor(std::string_view text, std::uint32_t session) {
       }
     } else {
       anchor = pose_anchor<D>(parse_key(text));
-      if (text.find('/') == std::string_view::npos) anchor.keys[0].session = session;
+      if (text != kWorldName && text.find('/') == std::string_view::npos)
+        anchor.keys[0].session = session;
     }
   } catch (const InputError&) {
     throw no_anchor<D>(text);

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/world.h"
 
 namespace mapjoin {
 
@@ -25,6 +26,7 @@ void Tag::throw_bad_tag(std::string_view text) {
 }
 
 std::string to_string(const Key& key) {
+  if (key == world_key()) return std::string(kWorldName);
   return key.session == 0 ? fmt::format("{}:{}", key.type.text(), key.id)
                           : fmt::format("{}/{}:{}", key.session, key.type.text(), key.id);
 }
@@ -46,6 +48,7 @@ Key parse_key(std::string_view text) {
         "'{}' is not a key: write TYPE:ID or SESSION/TYPE:ID, for example pose:12 or 2/point:84",
         whole));
   };
+  if (text == kWorldName) return world_key();
   Key key;
   if (const auto slash = text.find('/'); slash != std::string_view::npos) {
     if (!parse_whole(text.substr(0, slash), key.session)) throw fail();

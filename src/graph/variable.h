@@ -1,12 +1,10 @@
 #pragma once
 
-#include <concepts>
 #include <cstring>
-#include <string_view>
-#include <type_traits>
 
 #include "mapjoin/graph/dual.h"
 #include "mapjoin/graph/rigid.h"
+#include "mapjoin/graph/variable_requirements.h"
 
 /// \file
 /// What a variable type is.
@@ -29,7 +27,8 @@
 ///       static Value<S> transform(const Rigid<ambient, S>& T, const Value<S>& x);
 ///     };
 ///
-/// examples/04_own_variable_type.cpp is one, in use.
+/// docs/variable_types.md goes through it; examples/line2.h, plane3.h and bias.h are such types. A
+/// mistake is a compile error that names the member (graph/variable_requirements.h).
 ///
 /// Laws (the conformance suite checks them):
 ///   1. local(x, retract(x, d)) = d for small d, and retract(x, 0) = x.
@@ -46,76 +45,20 @@
 ///     local_jacobian(x, y) -> dim x dim      d local(x, retract(y, d)) / dd at d = 0, likewise
 ///     position(x) -> Vec<ambient>            a point that moves with the variable
 ///     rotation(x) -> Mat<ambient, ambient>   an orientation that moves with it
+///     direction(x) -> Vec<ambient>           a unit vector that turns with it
+///     offset(x) -> double                    of a line of the plane or a plane of space: it is the
+///                                            points p with direction(x) . p = offset(x)
 ///
-/// Types with a position or a rotation take part in align(), by which maps are laid on one another.
+/// The last four are what align() lays maps on one another by. A type without them is estimated all
+/// the same; it cannot be all that two maps share.
 
 namespace mapjoin {
 
-/// How a change of frame x' = T x acts on tangents: the D of law 3, by kind, so that the common
-/// ones cost nothing.
-enum class FrameAction {
-  kBody,       ///< D = E: tangents are written in the variable's own frame (poses)
-  kRotating,   ///< D = R, dim = ambient: tangents are vectors of the map frame (points)
-  kInvariant,  ///< D = E and g = 0: no frame change touches it (a bias, a scale)
-  kGeneral     ///< anything else
-};
-
+/// In signatures: what T lacks is said before anything else can fail.
 template <class T, class S = double>
-using ValueOf = typename T::template Value<S>;
+using ValueOf = typename detail::Described<T>::template Value<S>;
 template <class T, class S = double>
 using TangentOf = Vec<T::dim, S>;
-
-// The concept, in named steps, so that the compiler's first line says which member is missing or
-// wrong.
-template <class T>
-concept HasAmbient = requires {
-  { T::ambient } -> std::convertible_to<int>;
-}
-&&(T::ambient == 2 || T::ambient == 3);
-template <class T>
-concept HasDim = requires {
-  { T::dim } -> std::convertible_to<int>;
-}
-&&(T::dim >= 1);
-template <class T>
-concept HasName = requires {
-  { T::name } -> std::convertible_to<std::string_view>;
-};
-template <class T>
-concept HasAction = requires {
-  { T::action } -> std::convertible_to<FrameAction>;
-};
-template <class T>
-concept HasValue = requires {
-  typename T::template Value<double>;
-}
-&&(sizeof(ValueOf<T>) % sizeof(double) == 0);
-template <class T>
-concept HasRetract = requires(const ValueOf<T>& x, const TangentOf<T>& d) {
-  { T::template retract<double>(x, d) } -> std::convertible_to<ValueOf<T>>;
-};
-template <class T>
-concept HasLocal = requires(const ValueOf<T>& x) {
-  { T::template local<double>(x, x) } -> std::convertible_to<TangentOf<T>>;
-};
-template <class T>
-concept HasTransform = requires(const ValueOf<T>& x, const Rigid<T::ambient>& rigid) {
-  { T::template transform<double>(rigid, x) } -> std::convertible_to<ValueOf<T>>;
-};
-
-/// A type of variable. See the head of this file.
-template <class T>
-concept VariableType = HasAmbient<T> && HasDim<T> && HasName<T> && HasAction<T> && HasValue<T> &&
-    HasRetract<T> && HasLocal<T> && HasTransform<T>;
-
-template <class T>
-concept HasPosition = requires(const ValueOf<T>& x) {
-  { T::position(x) } -> std::convertible_to<Vec<T::ambient>>;
-};
-template <class T>
-concept HasRotation = requires(const ValueOf<T>& x) {
-  { T::rotation(x) } -> std::convertible_to<Mat<T::ambient, T::ambient>>;
-};
 
 /// Number of doubles in a value.
 template <class T>
@@ -185,7 +128,7 @@ Mat<T::dim, T::dim> local_jacobian_by_duals(const ValueOf<T>& x, const ValueOf<T
 /// D(T, x) = d local(T x, T retract(x, d)) / dd at d = 0: how tangents at x become tangents at T x.
 template <VariableType T>
 Mat<T::dim, T::dim> frame_jacobian(const Rigid<T::ambient>& rigid, const ValueOf<T>& x) {
-  if constexpr (requires { T::frame_jacobian(rigid, x); }) {
+  if constexpr (HasFrameJacobian<T>) {
     return T::frame_jacobian(rigid, x);
   } else if constexpr (T::action == FrameAction::kBody || T::action == FrameAction::kInvariant) {
     return Mat<T::dim, T::dim>::Identity();
@@ -200,7 +143,7 @@ Mat<T::dim, T::dim> frame_jacobian(const Rigid<T::ambient>& rigid, const ValueOf
 /// its whole map does.
 template <VariableType T>
 Mat<T::dim, kGauge<T::ambient>> gauge(const ValueOf<T>& x) {
-  if constexpr (requires { T::gauge(x); }) {
+  if constexpr (HasGauge<T>) {
     return T::gauge(x);
   } else if constexpr (T::action == FrameAction::kInvariant) {
     return Mat<T::dim, kGauge<T::ambient>>::Zero();
@@ -213,7 +156,7 @@ Mat<T::dim, kGauge<T::ambient>> gauge(const ValueOf<T>& x) {
 /// disagree.
 template <VariableType T>
 Mat<T::dim, T::dim> local_jacobian(const ValueOf<T>& x, const ValueOf<T>& y) {
-  if constexpr (requires { T::local_jacobian(x, y); }) {
+  if constexpr (HasLocalJacobian<T>) {
     return T::local_jacobian(x, y);
   } else {
     return detail::local_jacobian_by_duals<T>(x, y);

@@ -40,6 +40,10 @@ struct VariableKind {
   void (*positions)(const double* x, const int* index, std::size_t n, double* out) = nullptr;
   /// out[k] = orientation of x[index[k]], D x D column-major. Null when the type has none.
   void (*rotations)(const double* x, const int* index, std::size_t n, double* out) = nullptr;
+  /// out[k] = direction of x[index[k]], D doubles. Null when the type has none.
+  void (*directions)(const double* x, const int* index, std::size_t n, double* out) = nullptr;
+  /// out[k] = offset of x[index[k]] along its direction. Null when the type has none.
+  void (*offsets)(const double* x, const int* index, std::size_t n, double* out) = nullptr;
   /// Normal equations of measurements of this type taken from poses; see relative_kernel.h.
   double (*linearize_relative)(const RelativeBatch<D>&, const DenseTarget&) = nullptr;
   /// Their chi2 alone.
@@ -108,6 +112,19 @@ struct KindFunctions {
       }
     }
   }
+  static void directions(const double* x, const int* index, std::size_t n, double* out) {
+    if constexpr (HasDirection<T>) {
+      for (std::size_t k = 0; k < n; ++k, out += D) {
+        Eigen::Map<Vec<D>> u(out);
+        u = T::direction(values(x)[index[k]]);
+      }
+    }
+  }
+  static void offsets(const double* x, const int* index, std::size_t n, double* out) {
+    if constexpr (HasOffset<T>) {
+      for (std::size_t k = 0; k < n; ++k) out[k] = T::offset(values(x)[index[k]]);
+    }
+  }
 };
 
 template <VariableType T>
@@ -128,6 +145,8 @@ constexpr VariableKind<T::ambient> make_kind() {
   kind.local_jacobian = &F::local_jacobian;
   kind.positions = HasPosition<T> ? &F::positions : nullptr;
   kind.rotations = HasRotation<T> ? &F::rotations : nullptr;
+  kind.directions = HasDirection<T> ? &F::directions : nullptr;
+  kind.offsets = HasOffset<T> ? &F::offsets : nullptr;
   kind.linearize_relative = &RelativeKernel<T>::linearize;
   kind.chi2_relative = &RelativeKernel<T>::chi2;
   return kind;

@@ -26,6 +26,10 @@
 ///     EDGE_SE2_XY i j  x y  I11 I12 I22
 ///     EDGE_SE3:QUAT i j  x y z  qx qy qz qw  I11 I12 ... I66
 ///     EDGE_SE3_TRACKXYZ i j [p]  x y z  I11 I12 I13 I22 I23 I33
+///     EDGE_PRIOR_SE2 i  x y theta  I11 I12 I13 I22 I23 I33        (also EDGE_SE2_PRIOR)
+///     EDGE_PRIOR_SE2_XY i  x y  I11 I12 I22
+///     EDGE_SE3_PRIOR i [p]  x y z  qx qy qz qw  I11 I12 ... I66
+///     EDGE_SE3_PRIORXYZ i  x y z  I11 I12 I13 I22 I23 I33
 ///     PARAMS_SE3OFFSET p  x y z  qx qy qz qw
 ///     FIX id
 ///
@@ -33,6 +37,11 @@
 /// looks from pose i: the pose j, or the point j, in the frame of pose i. With a parameter p an
 /// EDGE_SE3_TRACKXYZ is measured in a sensor frame that stands at the offset p in the frame of pose
 /// i; it is moved into the frame of pose i on reading.
+///
+/// **Priors** are measurements of pose i from the world (graph/world.h): of the pose, or of its
+/// position alone, with information along the axes of the world. Any edge may name `world` for its
+/// first vertex too, which other programs do not read. The pose of a sensor at an offset p is moved
+/// to the pose, its information to first order.
 ///
 /// **Ids** are whole numbers from 0, kept as they are: pose:id, point:id in the session given in
 /// the options. An id written `2/17` is 17 of session 2; that is how a file of links between two
@@ -105,8 +114,8 @@ struct G2oSource {
 /// or too many numbers, numbers that are not finite, quaternions of length zero, negative ids, an
 /// edge from a vertex to itself, an id that is a pose here and a point there (in edges or
 /// vertices), one vertex with two values, 2D and 3D records in one file, several FIX, unknown
-/// records, priors, files without any edge. `skip_unknown` lets through what is unknown, priors,
-/// and FIX after the first. Indefinite information: by policy. \throws InputError, FileError.
+/// records, files without any edge. `skip_unknown` lets through what is unknown, and FIX after the
+/// first. Indefinite information: by policy. \throws InputError, FileError.
 G2oGraph read_g2o(const std::filesystem::path& file, const G2oOptions& options = {});
 
 /// Reads several files into one graph; options.session is not used. Each file may fix a pose: the
@@ -134,8 +143,9 @@ struct G2oWriteOptions {
 /// exactly takes.
 ///
 /// Ids of several sessions are written as session * 10^k + id, with the smallest k that keeps them
-/// apart, and a comment line that says so. The file appears complete or not at all. \throws
-/// InputError when a variable is of a type that g2o does not know; FileError.
+/// apart, and a comment line that says so. The world is no vertex: a comment line says where it is.
+/// The file appears complete or not at all. \throws InputError when a variable is of a type that
+/// g2o does not know; FileError.
 template <int D>
 void write_g2o(const std::filesystem::path& file, const Values<D>& values,
                const G2oWriteOptions& options = {});

@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "mapjoin/graph/world.h"
 #include "mapjoin/io/g2o.h"
 #include "mapjoin/io/g2o_records.h"
 #include "mapjoin/io/read_file.h"
@@ -42,7 +43,10 @@ class GraphReader {
   void read_record(TextScanner& scan, const G2oTag& tag, const G2oText& file);
   void read_pose_edge(TextScanner& scan, const G2oText& file);
   void read_point_edge(TextScanner& scan, const G2oText& file);
+  void read_pose_prior(TextScanner& scan, const G2oTag& tag, const G2oText& file);
+  void read_position_prior(TextScanner& scan, const G2oTag& tag, const G2oText& file);
   void read_offset(TextScanner& scan);
+  Mat<kPoseDim, kPoseDim> read_pose_information(TextScanner& scan);
   void read_fix(TextScanner& scan, const G2oText& file);
   void skip(const TextScanner& scan, std::string_view tag);
   void check_kinds(const MeasurementGraph<D>& graph, const std::vector<G2oText>& files) const;
@@ -60,12 +64,13 @@ class GraphReader {
   std::optional<Fix> fix_;                                  // the first of all
   std::int64_t pose_edges_ = 0;
   std::int64_t point_edges_ = 0;
+  std::int64_t priors_ = 0;
   G2oCounts counts_;
 };
 
 template <int D>
 void GraphReader<D>::read(const G2oText& file) {
-  const std::int64_t edges_before = pose_edges_ + point_edges_;
+  const std::int64_t edges_before = pose_edges_ + point_edges_ + priors_;
   offsets_.clear();
   fix_of_file_.reset();
   gate_ = InformationGate(options_.indefinite);
@@ -84,7 +89,7 @@ void GraphReader<D>::read(const G2oText& file) {
   gate_.finish();
   counts_.repaired += gate_.repaired();
   if (!fix_) fix_ = fix_of_file_;
-  if (pose_edges_ + point_edges_ == edges_before) {
+  if (pose_edges_ + point_edges_ + priors_ == edges_before) {
     throw InputError(fmt::format(
         "{}: there is no measurement in this file; a graph needs at least one EDGE_ line "
         "(vertices alone are a solution, not a graph)",
@@ -99,6 +104,10 @@ void GraphReader<D>::read_record(TextScanner& scan, const G2oTag& tag, const G2o
       return read_pose_edge(scan, file);
     case G2oRecord::kPointEdge:
       return read_point_edge(scan, file);
+    case G2oRecord::kPosePrior:
+      return read_pose_prior(scan, tag, file);
+    case G2oRecord::kPositionPrior:
+      return read_position_prior(scan, tag, file);
     case G2oRecord::kOffset:
       return read_offset(scan);
     case G2oRecord::kFix:
@@ -121,6 +130,15 @@ void GraphReader<D>::read_pose_edge(TextScanner& scan, const G2oText& file) {
   const G2oId to = detail::read_g2o_id(scan, file.session);
   refuse_self_loop(scan, from, to);
   const Rigid<D> z = detail::read_g2o_pose<D>(scan);
+  const Mat<kPoseDim, kPoseDim> information = read_pose_information(scan);
+  builder_.template add<PoseType<D>>(g2o_pose_key(from), g2o_pose_key(to), z, information);
+  ++pose_edges_;
+}
+
+/// Of a relative pose: in the library's tangent.
+template <int D>
+Mat<GraphReader<D>::kPoseDim, GraphReader<D>::kPoseDim> GraphReader<D>::read_pose_information(
+    TextScanner& scan) {
   Mat<kPoseDim, kPoseDim> information = detail::read_g2o_information<kPoseDim>(scan);
   scan.expect_end_of_line("the information matrix");
   if (D == 3 && options_.quaternion_information) {
@@ -128,8 +146,48 @@ void GraphReader<D>::read_pose_edge(TextScanner& scan, const G2oText& file) {
     information.template rightCols<kRotation<D>>() *= 0.5;
   }
   gate_.check(information, kPoseParts, scan.place());
-  builder_.template add<PoseType<D>>(g2o_pose_key(from), g2o_pose_key(to), z, information);
-  ++pose_edges_;
+  return information;
+}
+
+template <int D>
+void GraphReader<D>::read_pose_prior(TextScanner& scan, const G2oTag& tag, const G2oText& file) {
+  const G2oId id = detail::read_g2o_id(scan, file.session);
+  const Rigid<3>* sensor = nullptr;
+  if (D == 3 && (!offsets_.empty() || scan.words_left() != 28)) {
+    sensor = &offset(scan, scan.integer("the parameter's number"));
+  }
+  Rigid<D> z = detail::read_g2o_pose<D>(scan);
+  Mat<kPoseDim, kPoseDim> information = read_pose_information(scan);
+  if constexpr (D == 3) {
+    if (sensor != nullptr) {
+      // The sensor's pose is known: x o = z, so x = z o^-1. Tangents at z o^-1 and at z, to first
+      // order: d_z = J d.
+      z = z * sensor->inverse();
+      Mat<6, 6> J = Mat<6, 6>::Zero();
+      J.topLeftCorner<3, 3>() = sensor->R.transpose();
+      J.topRightCorner<3, 3>() = -(sensor->R.transpose() * skew(sensor->t));
+      J.bottomRightCorner<3, 3>() = sensor->R.transpose();
+      information = Mat<6, 6>(J.transpose() * information * J);
+      information = Mat<6, 6>(0.5 * (information + information.transpose()));
+    }
+  }
+  builder_.template add<PoseType<D>>(world_key(), g2o_pose_key(id), z, information);
+  ++priors_;
+  ++counts_.edges[std::string(tag.text)];
+}
+
+template <int D>
+void GraphReader<D>::read_position_prior(TextScanner& scan, const G2oTag& tag,
+                                         const G2oText& file) {
+  const G2oId id = detail::read_g2o_id(scan, file.session);
+  const Vec<D> position = detail::read_g2o_point<D>(scan);
+  Mat<D, D> information = detail::read_g2o_information<D>(scan);
+  scan.expect_end_of_line("the information matrix");
+  gate_.check(information, kPointParts, scan.place());
+  const PoseMeasurement<D> fix = position_fix<D>(position, information);
+  builder_.template add<PoseType<D>>(world_key(), g2o_pose_key(id), fix.z, fix.information);
+  ++priors_;
+  ++counts_.edges[std::string(tag.text)];
 }
 
 template <int D>
@@ -227,9 +285,12 @@ FirstUses first_uses(const std::vector<G2oText>& files, const G2oId& wanted) {
     TextScanner scan(file.name, file.text);
     while (scan.next_line()) {
       const G2oTag& tag = detail::g2o_tag(scan.word());
-      if (tag.record != G2oRecord::kPoseEdge && tag.record != G2oRecord::kPointEdge) continue;
+      const bool prior =
+          tag.record == G2oRecord::kPosePrior || tag.record == G2oRecord::kPositionPrior;
+      if (!prior && tag.record != G2oRecord::kPoseEdge && tag.record != G2oRecord::kPointEdge)
+        continue;
       const bool from = detail::read_g2o_id(scan, file.session) == wanted;
-      const bool to = detail::read_g2o_id(scan, file.session) == wanted;
+      const bool to = !prior && detail::read_g2o_id(scan, file.session) == wanted;
       const bool point = to && tag.record == G2oRecord::kPointEdge;
       std::string& use = point ? out.as_point : out.as_pose;
       if ((from || to) && use.empty()) use = scan.where();
@@ -296,6 +357,7 @@ G2oGraph GraphReader<D>::finish(const std::vector<G2oText>& files) && {
   check_vertices(graph);
   check_fix(graph);
   counts_.poses = std::ssize(keys_of(graph, Tag("pose")));
+  if (graph.variables.find(world_key())) --counts_.poses;
   counts_.points = std::ssize(keys_of(graph, Tag("point")));
   if (pose_edges_ > 0) counts_.edges[D == 2 ? "EDGE_SE2" : "EDGE_SE3:QUAT"] = pose_edges_;
   if (point_edges_ > 0) counts_.edges[D == 2 ? "EDGE_SE2_XY" : "EDGE_SE3_TRACKXYZ"] = point_edges_;

@@ -1,5 +1,7 @@
 #include "mapjoin/io/g2o_records.h"
 
+#include "mapjoin/graph/world.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,7 +14,7 @@ namespace {
 
 using enum G2oRecord;
 
-constexpr std::array<G2oTag, 10> kTags{{
+constexpr std::array<G2oTag, 15> kTags{{
     {"EDGE_SE2", kPoseEdge, 2, "EDGE_SE2 i j x y theta I11 I12 I13 I22 I23 I33"},
     {"EDGE_SE2_XY", kPointEdge, 2, "EDGE_SE2_XY i j x y I11 I12 I22"},
     {"EDGE_SE3:QUAT", kPoseEdge, 3,
@@ -20,6 +22,13 @@ constexpr std::array<G2oTag, 10> kTags{{
     {"EDGE_SE3_TRACKXYZ", kPointEdge, 3,
      "EDGE_SE3_TRACKXYZ i j p x y z I11 I12 I13 I22 I23 I33, p being the parameter's number, or "
      "left out"},
+    {"EDGE_PRIOR_SE2", kPosePrior, 2, "EDGE_PRIOR_SE2 i x y theta I11 I12 I13 I22 I23 I33"},
+    {"EDGE_SE2_PRIOR", kPosePrior, 2, "EDGE_SE2_PRIOR i x y theta I11 I12 I13 I22 I23 I33"},
+    {"EDGE_PRIOR_SE2_XY", kPositionPrior, 2, "EDGE_PRIOR_SE2_XY i x y I11 I12 I22"},
+    {"EDGE_SE3_PRIOR", kPosePrior, 3,
+     "EDGE_SE3_PRIOR i p x y z qx qy qz qw and the 21 numbers I11 I12 ... I66, p being the "
+     "parameter's number, or left out"},
+    {"EDGE_SE3_PRIORXYZ", kPositionPrior, 3, "EDGE_SE3_PRIORXYZ i x y z I11 I12 I13 I22 I23 I33"},
     {"VERTEX_SE2", kPoseVertex, 2, "VERTEX_SE2 id x y theta"},
     {"VERTEX_XY", kPointVertex, 2, "VERTEX_XY id x y"},
     {"VERTEX_SE3:QUAT", kPoseVertex, 3, "VERTEX_SE3:QUAT id x y z qx qy qz qw"},
@@ -63,9 +72,10 @@ void require_dimension(const TextScanner& scan, const G2oTag& tag, const G2oDime
 
 G2oId read_g2o_id(TextScanner& scan, std::uint32_t session) {
   const std::string_view word = scan.word();
+  if (word == kWorldName) return {world_key().session, world_key().id};
   const auto fail = [&](std::string_view problem) {
     scan.fail(fmt::format("vertex id '{}' {}", word, problem),
-              "ids are whole numbers from 0, or SESSION/ID such as 2/17");
+              "ids are whole numbers from 0, SESSION/ID such as 2/17, or world");
   };
   const char* at = word.data();
   const char* const end = word.data() + word.size();

@@ -14,7 +14,17 @@
 
 namespace mapjoin::detail {
 
-enum class G2oRecord { kPoseVertex, kPointVertex, kPoseEdge, kPointEdge, kOffset, kFix, kUnknown };
+enum class G2oRecord {
+  kPoseVertex,
+  kPointVertex,
+  kPoseEdge,
+  kPointEdge,
+  kPosePrior,
+  kPositionPrior,
+  kOffset,
+  kFix,
+  kUnknown
+};
 
 struct G2oTag {
   std::string_view text;
@@ -51,7 +61,7 @@ struct G2oId {
   friend constexpr auto operator<=>(const G2oId&, const G2oId&) = default;
 };
 
-/// `17`, or `2/17`.
+/// `17`, `2/17`, or `world`.
 G2oId read_g2o_id(TextScanner& scan, std::uint32_t session);
 
 inline Key g2o_pose_key(const G2oId& id) { return pose_key(id.id, id.session); }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/world.h"
 #include "mapjoin/io/atomic_file.h"
 #include "mapjoin/io/g2o.h"
 #include "mapjoin/io/plain_ids.h"
@@ -27,11 +28,13 @@ class GraphWriter {
 
   std::string text() && {
     write_comments();
-    if (D == 3 && graph_ != nullptr && graph_->variables.find_column(Tag("point")) >= 0) {
+    if (D == 3 && graph_ != nullptr &&
+        (graph_->variables.find_column(Tag("point")) >= 0 || graph_->variables.find(world_key()))) {
       out_ += "PARAMS_SE3OFFSET 0 0 0 0 0 0 0 1\n";
     }
     if (values_ != nullptr) write_vertices();
-    if (options_.fixed) out_ += fmt::format("FIX {}\n", ids_(*options_.fixed));
+    if (options_.fixed && *options_.fixed != world_key())
+      out_ += fmt::format("FIX {}\n", ids_(*options_.fixed));
     if (graph_ != nullptr) write_edges();
     return std::move(out_);
   }
@@ -56,6 +59,10 @@ class GraphWriter {
       at = end + 1;
     }
     for (const std::string& note : ids_.notes()) out_ += "# " + note + "\n";
+    if (values_ == nullptr || !values_->contains(world_key())) return;
+    out_ += "# the world is at";
+    detail::append_pose<D>(out_, values_->pose(world_key()));
+    out_ += '\n';
   }
 
   void write_vertices() {
@@ -64,6 +71,7 @@ class GraphWriter {
       if (column < 0) continue;
       const auto& c = values_->variables().column(column);
       for (int k = 0; k < c.size(); ++k) {
+        if (c.keys[static_cast<std::size_t>(k)] == world_key()) continue;
         append("{} {}", tag(type == Tag("pose"), true), ids_(c.keys[static_cast<std::size_t>(k)]));
         append_value(type == Tag("pose"), values_->value(c.first + k));
         out_ += '\n';
@@ -89,6 +97,10 @@ class GraphWriter {
   void write_edges(bool poses, const RelativeMeasurements<D>& edges) {
     const int dim = edges.kind->dim;
     for (std::size_t k = 0; k < edges.size(); ++k) {
+      if (poses && is_world(edges.from[k])) {
+        write_prior(edges, k);
+        continue;
+      }
       append("{} {} {}", tag(poses, false), id(edges.from[k]), id(edges.to[k]));
       if (D == 3 && !poses) out_ += " 0";
       append_value(poses, edges.z.data() + k * static_cast<std::size_t>(edges.kind->value_size));
@@ -97,13 +109,40 @@ class GraphWriter {
     }
   }
 
+  /// A measurement of a pose from the world: of all of it, or of its position.
+  void write_prior(const RelativeMeasurements<D>& edges, std::size_t k) {
+    constexpr int G = kGauge<D>;
+    const auto& z = reinterpret_cast<const Rigid<D>*>(edges.z.data())[k];
+    const double* const information = edges.info.data() + k * G * G;
+    const Eigen::Map<const Mat<G, G>> info(information);
+    const bool position = (info.template rightCols<kRotation<D>>().array() == 0.0).all();
+    if (position) {
+      append("{} {}", D == 2 ? "EDGE_PRIOR_SE2_XY" : "EDGE_SE3_PRIORXYZ", id(edges.to[k]));
+      append_value(false, z.t.data());
+      const Mat<D, D> in_world = z.R * info.template topLeftCorner<D, D>() * z.R.transpose();
+      append_information(false, D, in_world.data());
+    } else {
+      append("{} {}", D == 2 ? "EDGE_PRIOR_SE2" : "EDGE_SE3_PRIOR", id(edges.to[k]));
+      if (D == 3) out_ += " 0";
+      append_value(true, reinterpret_cast<const double*>(&z));
+      append_information(true, G, information);
+    }
+    out_ += '\n';
+  }
+
   static const char* tag(bool pose, bool vertex) {
     if (D == 2)
       return vertex ? (pose ? "VERTEX_SE2" : "VERTEX_XY") : (pose ? "EDGE_SE2" : "EDGE_SE2_XY");
     return vertex ? (pose ? "VERTEX_SE3:QUAT" : "VERTEX_TRACKXYZ")
                   : (pose ? "EDGE_SE3:QUAT" : "EDGE_SE3_TRACKXYZ");
   }
-  std::uint64_t id(std::int32_t variable) const { return ids_(graph_->variables.key(variable)); }
+  bool is_world(std::int32_t variable) const {
+    return graph_->variables.key(variable) == world_key();
+  }
+  std::string id(std::int32_t variable) const {
+    return is_world(variable) ? std::string(kWorldName)
+                              : std::to_string(ids_(graph_->variables.key(variable)));
+  }
 
   void append_value(bool pose, const double* x) {
     if (pose) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/world.h"
 
 namespace mapjoin {
 
@@ -55,7 +56,7 @@ template <int D>
 PlainIds<D>::PlainIds(std::span<const VariableSet<D>* const> sets, bool offset_features,
                       const std::string& format) {
   const VariableSet<D> all = unite<D>(sets);
-  const auto poses = keys_of(all, Tag("pose"));
+  auto poses = keys_of(all, Tag("pose"));
   const auto points = keys_of(all, Tag("point"));
   if (static_cast<std::size_t>(all.size()) != poses.size() + points.size()) {
     const auto other = std::ranges::find_if(all.columns(), [](const auto& c) {
@@ -64,6 +65,7 @@ PlainIds<D>::PlainIds(std::span<const VariableSet<D>* const> sets, bool offset_f
     throw InputError(fmt::format("{} has no word for {}; write a native map instead", format,
                                  to_string(other->keys.front())));
   }
+  if (!poses.empty() && poses.back() == world_key()) poses = poses.first(poses.size() - 1);
   if (!points.empty() && (offset_features || collide(poses, points))) {
     feature_offset_ = power_above(largest_id(poses), 100000);
   }

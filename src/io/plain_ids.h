@@ -23,7 +23,7 @@ class PlainIds {
   PlainIds(std::span<const VariableSet<D>* const> sets, bool offset_features,
            const std::string& format);
 
-  /// The number of a variable of these sets.
+  /// The number of a variable of these sets; the world has none.
   std::uint64_t operator()(const Key& key) const {
     return key.session * session_factor_ + key.id +
            (key.type == Tag("point") ? feature_offset_ : 0);

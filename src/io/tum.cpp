@@ -6,6 +6,7 @@
 #include <string>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/world.h"
 #include "mapjoin/io/atomic_file.h"
 #include "mapjoin/io/g2o_records.h"
 #include "mapjoin/io/plain_ids.h"
@@ -58,6 +59,7 @@ void write_tum(const std::filesystem::path& file, const Values<D>& values) {
   for (const std::string& note : ids.notes()) out += "# " + note + "\n";
   const auto all = values.template column<PoseType<D>>();
   for (std::size_t k = 0; k < all.size(); ++k) {
+    if (poses.column(0).keys[k] == world_key()) continue;
     out += fmt::format("{}", ids(poses.column(0).keys[k]));
     detail::append_pose<3>(out, lifted(all[k]));
     out += '\n';

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
+#include <string>
 
 #include "mapjoin/frames/change_frame.h"
 #include "mapjoin/frames/points_anchor.h"
@@ -26,26 +28,48 @@ VariableSet<D> united(const std::vector<Map<D>>& maps) {
   return unite<D>(sets);
 }
 
+/// What the fit of the stranger onto the other maps cannot use: types of common variables that
+/// offer nothing to it, for the message.
+template <int D>
+std::string not_fitted(const std::set<Tag>& shared, const VariableSet<D>& variables) {
+  std::string out;
+  for (const auto& column : variables.columns()) {
+    const VariableKind<D>& kind = *column.kind;
+    if (shared.count(kind.tag) == 0 || kind.action == FrameAction::kInvariant) continue;
+    if (kind.positions != nullptr || kind.rotations != nullptr || kind.directions != nullptr)
+      continue;
+    out += fmt::format(
+        "; variables of type {0} take no part as {0} offers no position, rotation, direction or "
+        "offset (graph/variable.h)",
+        kind.tag.text());
+  }
+  return out;
+}
+
 /// What the maps that do not fit share with the rest, for the message.
 template <int D>
 [[noreturn]] void throw_disconnected(const std::vector<Map<D>>& maps, std::size_t stranger) {
   std::string shared;
+  std::set<Tag> types;
   int count = 0;
   for (std::size_t m = 0; m < maps.size(); ++m) {
     if (m == stranger) continue;
     const std::vector<int> numbers = numbers_in(maps[stranger].variables(), maps[m].variables());
     for (std::size_t i = 0; i < numbers.size(); ++i) {
       if (numbers[i] < 0) continue;
-      if (++count <= 5)
-        shared += " " + to_string(maps[stranger].variables().key(static_cast<int>(i)));
+      const Key key = maps[stranger].variables().key(static_cast<int>(i));
+      types.insert(key.type);
+      if (++count <= 5) shared += " " + to_string(key);
     }
   }
   throw DisconnectedError(fmt::format(
-      "map {} shares {} with the other maps{}{}; joining needs one common pose, or {}",
+      "map {} shares {} with the other maps{}{}; joining needs one common pose, or {}{}",
       stranger + 1,
       count == 0 ? "nothing" : fmt::format("only {} variable{}", count, count == 1 ? "" : "s"),
       count == 0 ? "" : ":", shared,
-      D == 2 ? "two common points" : "three common points that are not on one line"));
+      D == 2 ? "two common points, or lines that cross"
+             : "three common points that are not on one line, or planes that meet in a point",
+      not_fitted(types, maps[stranger].variables())));
 }
 
 template <int D>

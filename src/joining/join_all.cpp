@@ -9,6 +9,7 @@
 #include "mapjoin/joining/elimination_join.h"
 #include "mapjoin/joining/memory_limit.h"
 #include "mapjoin/joining/observing_join.h"
+#include "mapjoin/joining/place_world.h"
 #include "mapjoin/joining/refine.h"
 #include "mapjoin/joining/report.h"
 #include "mapjoin/joining/summary_tree.h"
@@ -72,6 +73,40 @@ JoinedPieces<D> join_pieces(const MeasurementGraph<D>& graph, std::span<const Ke
   return {observing_join(graph, tree, options, pool, report), nullptr};
 }
 
+/// The same with measurements from the world that cannot place a pose: the others are joined, then
+/// laid on them, and solved with them.
+template <int D>
+JoinedPieces<D> join_pieces_in_world(const MeasurementGraph<D>& graph,
+                                     const std::vector<std::int64_t>& partial,
+                                     std::span<const Key> order, const JoinOptions& options,
+                                     WorkerPool& pool, JoinReport& report) {
+  std::vector<std::int64_t> rest;
+  for (std::int64_t o = 0; o < static_cast<std::int64_t>(graph.size()); ++o) {
+    if (!std::binary_search(partial.begin(), partial.end(), o)) rest.push_back(o);
+  }
+  if (rest.empty()) {
+    throw InputError(
+        "there are only measurements from the world that do not say where a pose is and how it is "
+        "turned: nothing to join");
+  }
+  const MeasurementGraph<D> relative = subgraph(graph, std::span<const std::int64_t>(rest));
+  std::vector<Piece<D>> pieces;
+  for (Piece<D>& piece : join_pieces(relative, order, options, pool, report).pieces) {
+    pieces.push_back(to_piece(graph.variables, to_values(relative.variables, piece)));
+    for (const std::int64_t o : piece.observations)
+      pieces.back().observations.push_back(rest[static_cast<std::size_t>(o)]);
+  }
+  pieces = place_in_world(graph, partial, std::move(pieces), report.notes);
+  for (Piece<D>& piece : pieces) {
+    std::sort(piece.observations.begin(), piece.observations.end());
+    Places places(graph.variables.size());
+    ObservationSystem<D> system(graph, piece, std::span<const std::int32_t>(), places);
+    FrontalCholesky cholesky;
+    for (int k = 0; k < report.root_solves; ++k) linear_step(graph, piece, system, cholesky, pool);
+  }
+  return {std::move(pieces), nullptr};
+}
+
 /// Joins a graph whose local maps come in a given order (first keys of their anchors; empty:
 /// ascending).
 template <int D>
@@ -79,8 +114,14 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
                            const JoinOptions& options) {
   check(options);
   if (graph.size() == 0) throw InputError("there are no measurements: nothing to join");
-  if (options.mode == Mode::kPaper || options.mode == Mode::kSummary)
-    return join_by_summaries(graph, order, options);
+  const std::vector<std::int64_t> partial = partial_world_measurements(graph);
+  if (options.mode == Mode::kPaper || options.mode == Mode::kSummary) {
+    if (partial.empty()) return join_by_summaries(graph, order, options);
+    throw InputError(
+        fmt::format("{} measurements from the world say only part of where a pose is, such as its "
+                    "position: that is no map, so it has no summary; use mode observe or optimal",
+                    partial.size()));
+  }
 
   const auto start = Clock::now();
   JoinResult<D> result;
@@ -88,7 +129,9 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
   count_variables(graph, report);
   report.root_solves = options.root_solves > 0 ? options.root_solves : 2;
   WorkerPool pool(options.threads);
-  JoinedPieces<D> joined = join_pieces(graph, order, options, pool, report);
+  JoinedPieces<D> joined = partial.empty()
+                               ? join_pieces(graph, order, options, pool, report)
+                               : join_pieces_in_world(graph, partial, order, options, pool, report);
   std::vector<Piece<D>>& pieces = joined.pieces;
   report.components = static_cast<int>(pieces.size());
 

@@ -10,6 +10,7 @@
 #include "mapjoin/frames/change_frame.h"
 #include "mapjoin/frames/points_anchor.h"
 #include "mapjoin/graph/piece.h"
+#include "mapjoin/graph/world.h"
 #include "mapjoin/joining/options.h"
 
 namespace mapjoin {
@@ -25,6 +26,7 @@ void count_variables(const MeasurementGraph<D>& graph, JoinReport& report) {
   for (const auto& column : graph.variables.columns()) {
     (column.kind->tag == Tag("pose") ? report.poses : report.features) += column.size();
   }
+  if (graph.variables.find(world_key())) --report.poses;  // a frame, not where a robot was
   report.observations = static_cast<std::int64_t>(graph.size());
 }
 

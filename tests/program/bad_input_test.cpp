@@ -58,7 +58,7 @@ INSTANTIATE_TEST_SUITE_P(
                 "EDGE_SE3:QUAT 1 2 1 0 0 0 0 0 0 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1\n",
                 "bad.g2o:1"},
         BadFile{"UnknownTag", kEdge + "EDGE_FOO 1 2 1 0 0\n", "EDGE_FOO"},
-        BadFile{"Prior", kEdge + "EDGE_PRIOR_SE2 1 0 0 0 1 0 0 1 0 1\n", "EDGE_PRIOR_SE2"},
+        BadFile{"Prior", kEdge + "EDGE_SWITCH_PRIOR 1 0 0 0 1 0 0 1 0 1\n", "EDGE_SWITCH_PRIOR"},
         BadFile{"SeveralFix", kEdge + "FIX 0\nFIX 1\n", "FIX"}),
     name_of);
 

@@ -168,20 +168,47 @@ TEST_F(RoundTrip, TrajectoriesAreWrittenAsTum) {
   EXPECT_EQ(poses, 100U);
 }
 
+TEST_F(RoundTrip, PositionsInTheWorldGeoreferenceAMap) {
+  // A drive of three metres to the north at (100, 50), of which the positions of both ends are
+  // known.
+  const std::string steps =
+      "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\nEDGE_SE2 1 2 1 0 0 1 0 0 1 0 1\n"
+      "EDGE_SE2 2 3 1 0 0 1 0 0 1 0 1\n";
+  const std::string graph = write("fixes.g2o", steps +
+                                                   "EDGE_PRIOR_SE2_XY 0 100 50 4 0 4\n"
+                                                   "EDGE_PRIOR_SE2_XY 3 100 53 4 0 4\n");
+  run({"solve", graph, "--anchor", "world", "--output", file("there.g2o")});
+  const std::string there = read_text(file("there.g2o"));
+  EXPECT_THAT(there, HasSubstr("in the frame of world"));
+  std::istringstream vertex(there.substr(there.find("VERTEX_SE2 2 ") + 13));
+  double x = 0.0, y = 0.0, theta = 0.0;
+  vertex >> x >> y >> theta;
+  EXPECT_NEAR(x, 100.0, 1e-9);
+  EXPECT_NEAR(y, 52.0, 1e-9);
+  EXPECT_NEAR(theta, 0.5 * M_PI, 1e-9);
+
+  run({"solve", graph, "--output", file("here.map")});
+  run({"reframe", file("here.map"), "--anchor", "world", "--output", file("again.tum")});
+  EXPECT_EQ(count(read_text(file("again.tum")), "\n"), 5U) << "a head and four poses, no world";
+  expect_refused({"solve", write("one.g2o", steps + "EDGE_PRIOR_SE2_XY 0 100 50 4 0 4\n"),
+                  "--anchor", "world", "--output", file("none.g2o")},
+                 "do not say where anything lies in it");
+}
+
 TEST_F(RoundTrip, RepairsAndSkipsWhenAsked) {
   const std::string graph = write("odd.g2o",
                                   "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n"
                                   "EDGE_SE2 1 2 1 0 0 1 5 0 1 0 1\n"
-                                  "EDGE_PRIOR_SE2 1 0 0 0 1 0 0 1 0 1\n");
+                                  "EDGE_SWITCH_PRIOR 1 0 0 0 1 0 0 1 0 1\n");
   for (const char* policy : {"clamp", "isotropic"}) {
     const std::string report = run(
         {"solve", graph, "--indefinite", policy, "--skip-unknown", "--output", file("out.g2o")});
     EXPECT_THAT(report, HasSubstr("repaired"));
-    EXPECT_THAT(report, HasSubstr("EDGE_PRIOR_SE2"));
+    EXPECT_THAT(report, HasSubstr("EDGE_SWITCH_PRIOR"));
   }
   const std::string about = run({"info", graph});
   EXPECT_THAT(about, HasSubstr("indefinite"));
-  EXPECT_THAT(about, HasSubstr("EDGE_PRIOR_SE2"));
+  EXPECT_THAT(about, HasSubstr("EDGE_SWITCH_PRIOR"));
 }
 
 TEST_F(RoundTrip, InfoKnowsWhatAFileIs) {

@@ -5,6 +5,7 @@
 
 #include "examples/level_anchor.h"
 #include "examples/line_anchor.h"
+#include "examples/plane3.h"
 #include "mapjoin/frames/points_anchor.h"
 #include "mapjoin/frames/testing/anchor_conformance.h"
 #include "mapjoin/graph/builtin_types.h"
@@ -22,6 +23,7 @@ using Bias2 = test::BiasType<2>;
 using Bias3 = test::BiasType<3>;
 using ExampleLine = own::Line;
 using ExampleDirection = own::Direction;
+using ExamplePlane = own::Plane;
 
 template <int D>
 Rigid<D> some_pose(Generator& generator) {
@@ -48,6 +50,9 @@ own::Line::Value<double> some_line(Generator& generator) {
 Vec<3> some_direction(Generator& generator) {
   return random_vector<3>(generator, 1.0).normalized();
 }
+own::Plane::Value<double> some_plane(Generator& generator) {
+  return {some_direction(generator), testing::uniform(generator, -10.0, 10.0)};
+}
 Vec<1> some_bias(Generator& generator) { return random_vector<1>(generator, 5.0); }
 
 MAPJOIN_TEST_VARIABLE(Pose2, some_pose<2>);
@@ -59,6 +64,7 @@ MAPJOIN_TEST_VARIABLE(Bias2, some_bias);
 MAPJOIN_TEST_VARIABLE(Bias3, some_bias);
 MAPJOIN_TEST_VARIABLE(ExampleLine, some_line);
 MAPJOIN_TEST_VARIABLE(ExampleDirection, some_direction);
+MAPJOIN_TEST_VARIABLE(ExamplePlane, some_plane);
 
 template <int D>
 std::pair<Values<D>, Anchor<D>> some_map(Generator& generator) {
@@ -116,6 +122,10 @@ struct WrongLocal : Point3 {
   }
 };
 
+struct WrongDirection : own::Line {
+  static Vec<2> direction(const Value<double>& x) { return -own::Line::direction(x); }
+};
+
 /// Does a check fail, when it runs on its own?
 template <class Check>
 bool fails(Check&& check) {
@@ -140,6 +150,12 @@ TEST(VariableConformance, NoticesAWrongFrameAction) {
 TEST(VariableConformance, NoticesWrongGaugeRows) {
   const testing::VariableConformance<WrongGauge> suite(some_point<2>);
   EXPECT_TRUE(fails([&] { suite.gauge_is_the_derivative(); }));
+}
+
+TEST(VariableConformance, NoticesAnOffsetThatIsNotAlongTheDirection) {
+  const testing::VariableConformance<WrongDirection> suite(some_line);
+  EXPECT_TRUE(fails([&] { suite.what_aligns_moves_along(); }));
+  EXPECT_FALSE(fails([&] { suite.gauge_is_the_derivative(); }));
 }
 
 TEST(VariableConformance, NoticesALocalThatDoesNotUndoRetract) {

@@ -5,6 +5,8 @@
 #include <optional>
 #include <vector>
 
+#include "examples/line2.h"
+#include "examples/plane3.h"
 #include "tests/support/random_maps.h"
 #include "tests/support/user_types.h"
 
@@ -126,8 +128,7 @@ TYPED_TEST(Align, DoesNotJoinBySharedBiases) {
 }
 
 TEST(AlignByWalls, ReturnsNoGuess) {
-  // Two walls and a point fix a frame, but walls take no part in the fit: whatever is returned must
-  // be right.
+  // Two walls and a point fix a frame, but walls that offer no direction take no part in the fit.
   Dice dice(7);
   for (int round = 0; round < 10; ++round) {
     ValuesBuilder<2> builder;
@@ -135,9 +136,94 @@ TEST(AlignByWalls, ReturnsNoGuess) {
     builder.add<Wall>({Tag("wall"), 0, 0}, {dice.uniform(-3, 3), 2.0});
     builder.add<Wall>({Tag("wall"), 0, 1}, {dice.uniform(-3, 3), 5.0});
     const Values<2> x = std::move(builder).build();
-    const Rigid2 T = random_pose<2>(dice);
-    const auto found = align(x, moved(x, T.inverse()));
-    if (found.has_value()) expect_same(*found, T);
+    EXPECT_FALSE(align(x, moved(x, random_pose<2>(dice).inverse())).has_value());
+  }
+}
+
+Values<2> lines_and_points(const std::vector<own::Line::Value<double>>& lines,
+                           const std::vector<Vec<2>>& at) {
+  ValuesBuilder<2> builder;
+  for (std::size_t k = 0; k < lines.size(); ++k) builder.add<own::Line>(own::line_key(k), lines[k]);
+  for (std::size_t k = 0; k < at.size(); ++k) builder.add<Point2>(point_key(k), at[k]);
+  return std::move(builder).build();
+}
+
+TEST(AlignByLines, FindsTheMotionWhereLinesCrossOrAPointIsThere) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    SCOPED_TRACE(seed);
+    Dice dice(seed);
+    const double a = dice.uniform(-3, 3);
+    const own::Line::Value<double> wall{a, dice.uniform(-9, 9)};
+    const own::Line::Value<double> across{a + dice.uniform(0.3, 2.8), dice.uniform(-9, 9)};
+    const Vec<2> p = random_point<2>(dice);
+    const Rigid2 T = random_pose<2>(dice, 100.0);
+    for (const Values<2>& x :
+         {lines_and_points({wall, across}, {}), lines_and_points({wall}, {p}),
+          lines_and_points({wall, {a, 20.0}, across}, {p, Vec<2>(p + Vec<2>(1, 2))})}) {
+      const auto found = align(x, moved(x, T.inverse()));
+      ASSERT_TRUE(found.has_value());
+      expect_same(*found, T);
+    }
+  }
+}
+
+TEST(AlignByLines, RefusesParallelOnes) {
+  Dice dice(3);
+  for (const double noise : {0.0, 1e-9, 0.01}) {
+    const Values<2> x = lines_and_points({{0.5, 1.0}, {0.5 + noise, 4.0}, {0.5, -7.0}}, {});
+    EXPECT_FALSE(align(x, moved(x, random_pose<2>(dice))).has_value()) << noise;
+  }
+  EXPECT_FALSE(align(lines_and_points({{0.5, 1.0}}, {}), lines_and_points({{0.1, 1.0}}, {})));
+}
+
+TEST(AlignByLines, FindsTheLeastSquaresTranslation) {
+  // Lines measured with noise: no other translation leaves the offsets and points less to say.
+  Dice dice(11);
+  std::vector<own::Line::Value<double>> in_a, in_b;
+  for (int k = 0; k < 6; ++k) {
+    in_a.push_back({dice.uniform(-3, 3), dice.uniform(-5, 5)});
+    in_b.push_back({in_a.back().a, in_a.back().d + dice.uniform(-0.3, 0.3)});
+  }
+  const std::vector<Vec<2>> points_a{Vec<2>(1, 2)}, points_b{Vec<2>(1.2, 1.7)};
+  const Rigid2 T =
+      align(lines_and_points(in_a, points_a), lines_and_points(in_b, points_b)).value();
+  const auto left = [&](const Vec<2>& t) {
+    double sum = (points_a[0] - T.R * points_b[0] - t).squaredNorm();
+    for (std::size_t k = 0; k < in_a.size(); ++k) {
+      const double r = in_a[k].d - in_b[k].d - own::Line::direction(in_a[k]).dot(t);
+      sum += r * r;
+    }
+    return sum;
+  };
+  for (int k = 0; k < 100; ++k) EXPECT_GT(left(T.t + 1e-3 * random_point<2>(dice)), left(T.t));
+}
+
+TEST(AlignByPlanes, NeedsThreeThatMeetInAPointOrWhatStandsForThem) {
+  Dice dice(5);
+  const auto make = [](const std::vector<Vec<3>>& normals, const std::vector<Vec<3>>& at) {
+    ValuesBuilder<3> builder;
+    for (std::size_t k = 0; k < normals.size(); ++k)
+      builder.add<own::Plane>(own::plane_key(k),
+                              {normals[k].normalized(), 1.0 + static_cast<double>(k)});
+    for (std::size_t k = 0; k < at.size(); ++k) builder.add<Point3>(point_key(k), at[k]);
+    return std::move(builder).build();
+  };
+  const Vec<3> p = random_point<3>(dice), q = random_point<3>(dice);
+  const Vec<3> x(1, 0, 0), y(0.2, 1, 0), z(0, 0.3, 1), xy(1, 1, 0);
+  for (int round = 0; round < 5; ++round) {
+    const Rigid3 T = random_pose<3>(dice, 50.0);
+    const auto finds = [&](const Values<3>& there) {
+      const auto found = align(there, moved(there, T.inverse()));
+      if (found) expect_same(*found, T);
+      return found.has_value();
+    };
+    EXPECT_TRUE(finds(make({x, y, z}, {})));
+    EXPECT_TRUE(finds(make({x, y}, {p})));
+    EXPECT_TRUE(finds(make({x}, {p, q})));
+    EXPECT_FALSE(finds(make({x, y}, {})));
+    EXPECT_FALSE(finds(make({x, y, xy}, {}))) << "the walls of a prism";
+    EXPECT_FALSE(finds(make({x, x, x}, {p}))) << "turning about a normal through the point";
+    EXPECT_FALSE(finds(make({Vec<3>(q - p)}, {p, q}))) << "turning about the points' line";
   }
 }
 

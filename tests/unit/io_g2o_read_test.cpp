@@ -221,15 +221,16 @@ TEST_F(G2oRead, MixedDimensions) {
 
 TEST_F(G2oRead, UnknownRecordsAndPriors) {
   const std::string unknown = kEdge + "EDGE_BEARING_SE2_XY 0 1 1 1\n";
-  const std::string prior = kEdge + "EDGE_PRIOR_SE2 0 1 1 1\n";
+  const std::string prior = kEdge + "EDGE_SWITCH_PRIOR 0 1 1 1\n";
   expect_refused(unknown, 2, {"unknown record EDGE_BEARING_SE2_XY", "--skip-unknown"});
-  expect_refused(prior, 2, {"EDGE_PRIOR_SE2 is a prior", "stands for the world", "--skip-unknown"});
+  expect_refused(prior, 2,
+                 {"EDGE_SWITCH_PRIOR is a prior", "stands for the world", "--skip-unknown"});
   G2oOptions options;
   options.skip_unknown = true;
   EXPECT_EQ(read(unknown + "EDGE_BEARING_SE2_XY 0 1 1 1\n", options)
                 .counts.skipped.at("EDGE_BEARING_SE2_XY"),
             2);
-  EXPECT_EQ(read(prior, options).counts.skipped.at("EDGE_PRIOR_SE2"), 1);
+  EXPECT_EQ(read(prior, options).counts.skipped.at("EDGE_SWITCH_PRIOR"), 1);
 }
 
 TEST_F(G2oRead, SeveralFixedVertices) {

@@ -189,8 +189,8 @@ class VariableConformance {
     });
   }
 
-  /// Position and orientation, where a type has them, move as the variable does.
-  void position_and_rotation_move_along() const {
+  /// Position, orientation, direction and offset, where a type has them, move as the variable does.
+  void what_aligns_moves_along() const {
     for_samples([](Generator& generator, const Value& x) {
       const auto motion = random_motion<D>(generator);
       const Value moved = T::template transform<double>(motion, x);
@@ -204,6 +204,17 @@ class VariableConformance {
                     "rotation(T x) is R rotation(x)");
         expect_same(Mat<D, D>(R.transpose() * R), Mat<D, D>(Mat<D, D>::Identity()), 1e-9,
                     "a rotation is orthonormal");
+      }
+      if constexpr (HasDirection<T>) {
+        const Vec<D> u = T::direction(x);
+        const Vec<D> u_moved = T::direction(moved);
+        EXPECT_NEAR(u.norm(), 1.0, 1e-9) << "a direction is a unit vector";
+        expect_same(u_moved, Vec<D>(motion.R * u), 1e-9, "direction(T x) is R direction(x)");
+        if constexpr (HasOffset<T>) {
+          const double expected = T::offset(x) + u_moved.dot(motion.t);
+          EXPECT_NEAR(T::offset(moved), expected, 1e-9 * (1.0 + std::abs(expected)))
+              << "offset(T x) is offset(x) + direction(T x) . t";
+        }
       }
     });
   }
@@ -305,8 +316,7 @@ class VariableConformance {
   MAPJOIN_TEST_VARIABLE_LAW(Type, random_value, LocalJacobianIsTheDerivative,                      \
                             local_jacobian_is_the_derivative)                                      \
   MAPJOIN_TEST_VARIABLE_LAW(Type, random_value, DerivativesExistAtZero, derivatives_exist_at_zero) \
-  MAPJOIN_TEST_VARIABLE_LAW(Type, random_value, PositionAndRotationMoveAlong,                      \
-                            position_and_rotation_move_along)                                      \
+  MAPJOIN_TEST_VARIABLE_LAW(Type, random_value, WhatAlignsMovesAlong, what_aligns_moves_along)     \
   MAPJOIN_TEST_VARIABLE_LAW(Type, random_value, ArraysAreTreatedOneByOne,                          \
                             arrays_are_treated_one_by_one)                                         \
   static_assert(true, "asks for a semicolon")
