@@ -18,10 +18,16 @@ double significance(double length, double sigma) {
   return sigma > 0.0 ? length / sigma : std::numeric_limits<double>::max();
 }
 
+/// What one map, or the one that knows them least, says of chosen points.
+struct Quality {
+  double determinant = std::numeric_limits<double>::max();  ///< det C
+  double certainty = std::numeric_limits<double>::max();    ///< standard deviations in a length
+};
+
 template <int D>
-double significance(const CandidatePoints<D>& map, const std::array<int, D>& chosen) {
+Quality quality(const CandidatePoints<D>& map, const std::array<int, D>& chosen) {
   std::array<Vec<D>, D> points;
-  Mat<D * D, D * D> covariance;
+  Eigen::MatrixXd covariance(D * D, D * D);
   for (int a = 0; a < D; ++a) {
     points[at(a)] = map.positions[at(chosen[at(a)])];
     for (int b = 0; b < D; ++b)
@@ -30,7 +36,20 @@ double significance(const CandidatePoints<D>& map, const std::array<int, D>& cho
   }
   const PointsCertainty known = certainty<D>(points.data(), covariance);
   const double distance = significance(known.distance, known.distance_sigma);
-  return D == 2 ? distance : std::min(distance, significance(known.height, known.height_sigma));
+  if (D == 2) return {known.distance, distance};
+  return {known.distance * known.distance * known.height,
+          std::min(distance, significance(known.height, known.height_sigma))};
+}
+
+template <int D>
+Quality quality(std::span<const CandidatePoints<D>> maps, const std::array<int, D>& chosen) {
+  Quality least;
+  for (const CandidatePoints<D>& map : maps) {
+    const Quality here = quality<D>(map, chosen);
+    least.determinant = std::min(least.determinant, here.determinant);
+    least.certainty = std::min(least.certainty, here.certainty);
+  }
+  return least;
 }
 
 /// All ways to choose F_O before F_X, and in space any third as F_Y.
@@ -76,19 +95,15 @@ template <int D>
 std::optional<ChosenPoints<D>> best_points(std::span<const Key> candidates,
                                            std::span<const CandidatePoints<D>> maps) {
   std::array<int, D> best{};
-  double most = kDistinctSigmas;
-  bool found = false;
+  Quality most{0.0, 0.0};
   for_choices<D>(static_cast<int>(candidates.size()), [&](const std::array<int, D>& chosen) {
-    double least = std::numeric_limits<double>::infinity();
-    for (const CandidatePoints<D>& map : maps)
-      least = std::min(least, significance<D>(map, chosen));
-    if (!(least > most)) return;
-    most = least;
+    const Quality here = quality<D>(maps, chosen);
+    if (!(here.certainty > kDistinctSigmas) || !(here.determinant > most.determinant)) return;
+    most = here;
     best = chosen;
-    found = true;
   });
-  if (!found) return std::nullopt;
-  ChosenPoints<D> out{{&points_anchor_kind<D>(), {}}, most};
+  if (!(most.determinant > 0.0)) return std::nullopt;
+  ChosenPoints<D> out{{&points_anchor_kind<D>(), {}}, most.certainty};
   for (const int k : best) out.anchor.keys.push_back(candidates[at(k)]);
   return out;
 }

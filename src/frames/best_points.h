@@ -11,11 +11,10 @@
 /// Which points to fix a frame by, where a map has many: feature-only maps are joined in the frame
 /// of some of the features they share (Linear SLAM section 7), and nobody says which.
 ///
-/// A frame of points is as good as its lengths are known: det C is the distance d of F_X from F_O
-/// in the plane, d^2 h in space with the height h of F_Y above their line, and a length with a
-/// large standard deviation may as well be zero. So the measure is how many standard deviations
-/// there are in the least certain length: min(d / sigma_d, h / sigma_h), of several maps the
-/// smallest. It is the same in whatever frame the maps are written.
+/// The frame is lost where det C vanishes: the distance d of F_X from F_O in the plane, d^2 h in
+/// space with the height h of F_Y above their line (frames/points_anchor.h). So the points with the
+/// largest det C are best, of those whose d and h every map can tell from zero: by more than three
+/// standard deviations. Both are the same in whatever frame the maps are written.
 
 namespace mapjoin {
 
@@ -38,8 +37,9 @@ struct ChosenPoints {
 template <int D>
 std::vector<int> spread_points(std::span<const Vec<D>> points, int most);
 
-/// The two or three candidates whose lengths are most certain in the map that knows them least. F_O
-/// comes before F_X in the order of the candidates; of equals, the first are chosen.
+/// The two or three candidates with the largest det C, in the map where it is smallest, whose
+/// lengths are certain in every map. F_O comes before F_X in the order of the candidates; of
+/// equals, the first are chosen.
 ///
 /// \returns nothing when there are too few, or when no lengths are more than three standard
 /// deviations in every map: the same bound as expect_distinct(). O(n^D) in the number of

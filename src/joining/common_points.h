@@ -10,7 +10,7 @@
 namespace mapjoin {
 
 /// The points that maps share and that fix a frame best (frames/best_points.h): what feature-only
-/// maps are joined in the frame of. Of a single map, the points it knows best.
+/// maps are joined in the frame of. Of a single map, the best of all its points.
 ///
 /// Candidates are up to twelve of the common points, far from one another in the first map.
 /// \returns nothing when the maps share too few, or none that each map can tell apart: no two

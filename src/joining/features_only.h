@@ -10,7 +10,7 @@ namespace mapjoin {
 /// Local maps without their poses (D-SLAM; Linear SLAM section 7).
 template <int D>
 struct FeatureOnlyMaps {
-  std::vector<Map<D>> maps;  ///< in order, each in the frame of the points it knows best
+  std::vector<Map<D>> maps;  ///< in order, each in the frame of points that are far apart
   /// maps[k] is made of the local maps first[k] .. first[k + 1] - 1, counted from 0.
   std::vector<int> first{0};
 
@@ -27,9 +27,10 @@ struct FeatureOnlyMaps {
 /// map marginalised. Few are those that common_points() finds nothing among: what counts is whether
 /// both maps can tell them apart.
 ///
-/// Each map's information is gauge-free and exact; its anchor and `solved_in` are the points it
-/// knows best, which is the frame it is an observation in when joined in observe or optimal mode.
-/// What the poses shared by two local maps say of both is lost. Dense over the features of a map.
+/// Each map's information is gauge-free and exact; its anchor and `solved_in` are points that
+/// best_points() chooses, which is the frame it is an observation in when joined in observe or
+/// optimal mode. What the poses shared by two local maps say of both is lost. Dense over the
+/// features of a map.
 ///
 /// \throws InputError when there are no local maps; DisconnectedError that names neighbours which
 /// share neither pose nor features; DegenerateFrameError when a map has no points that fix a frame;

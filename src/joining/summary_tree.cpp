@@ -26,7 +26,7 @@ std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 constexpr int kMostLeafSolves = 20;
 constexpr double kLeafTolerance = 1e-9;
 
-/// How often maps were joined in frames of points, and the least certain of these frames.
+/// How often maps were joined in frames of points, and which of these frames is least certain.
 template <int D>
 struct PointFrames {
   int count = 0;
@@ -275,8 +275,8 @@ Map<D> without_pose(Map<D> map, const Anchor<D>& solved_in, JoinReport& report) 
 template <int D>
 std::string note_of(const PointFrames<D>& frames) {
   return fmt::format(
-      "{} {} in the frame of common points, chosen by how certain their distances are: the least "
-      "certain, {}, by {:.0f} standard deviations",
+      "{} {} in the frame of common points, chosen to be far apart; the distances of {} are the "
+      "least certain, at {:.0f} standard deviations",
       frames.count, frames.count == 1 ? "join" : "joins", to_string(frames.worst.anchor),
       frames.worst.certainty);
 }
