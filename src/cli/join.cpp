@@ -7,8 +7,10 @@
 #include "mapjoin/cli/input.h"
 #include "mapjoin/cli/progress.h"
 #include "mapjoin/cli/run.h"
+#include "mapjoin/frames/anchors.h"
 #include "mapjoin/io/local_maps.h"
 #include "mapjoin/io/native_map.h"
+#include "mapjoin/joining/features_only.h"
 #include "mapjoin/joining/join_all.h"
 
 namespace mapjoin::cli {
@@ -18,6 +20,8 @@ namespace {
 constexpr const char* kExamples = R"(Examples:
   mapjoin join victoria_park_200 --output park.g2o
       A folder of localmap_1.txt, localmap_2.txt, ... Features are written as vertices 100000 + id.
+  mapjoin join victoria_park_200 --features-only --anchor points:84,85 --output features.map
+      The same with all poses marginalised out of the local maps first: D-SLAM.
   mapjoin join monday.map tuesday.map --output week.g2o
       Maps made by solve or join. Variables of equal session and id are the same variable.
   mapjoin solve monday.g2o --session 1 --output monday.map
@@ -30,8 +34,51 @@ constexpr const char* kExamples = R"(Examples:
 struct Arguments {
   std::vector<std::string> inputs;
   std::string links;
+  bool features_only = false;
+  std::string merged_list;
   JoinArguments join;
 };
+
+/// Which local maps each feature-only map is made of, by their numbers, and its frame.
+template <int D>
+std::string merged_list(const FeatureOnlyMaps<D>& features, int first_number) {
+  std::string out = "map,first,last,frame\n";
+  for (std::size_t k = 0; k < features.maps.size(); ++k) {
+    out +=
+        fmt::format("{},{},{},\"{}\"\n", k + 1, features.first[k] + first_number,
+                    features.first[k + 1] - 1 + first_number, to_string(features.maps[k].anchor));
+  }
+  return out;
+}
+
+template <int D>
+std::string note_of(const FeatureOnlyMaps<D>& features) {
+  int merged = 0;
+  for (std::size_t k = 0; k < features.maps.size(); ++k) merged += features.parts(k) > 1 ? 1 : 0;
+  return fmt::format(
+      "{} feature-only maps of {} local maps: {} are made of several, joined with their poses, "
+      "because neighbours shared too few features",
+      features.maps.size(), features.first.back(), merged);
+}
+
+template <int D>
+void join_features(const Arguments& a, const LocalMapSet<D>& set, Job job) {
+  const Stopwatch marginalizing;
+  const FeatureOnlyMaps<D> features = features_only(std::span<const LocalMap<D>>(set.maps));
+  job.read_seconds += marginalizing.seconds();
+  job.measurements = static_cast<std::int64_t>(features.maps.size());
+  job.notes.push_back(note_of(features));
+  std::vector<const VariableSet<D>*> sets;
+  for (const Map<D>& map : features.maps) sets.push_back(&map.variables());
+  run<D>(std::move(job), unite<D>(sets), [&](const JoinOptions& o) {
+    return join_all(std::span<const Map<D>>(features.maps), {}, o);
+  });
+  if (!a.merged_list.empty()) {
+    OutputFiles list;
+    list.write_text(a.merged_list, merged_list(features, set.first_number));
+    list.commit();
+  }
+}
 
 void join_local_maps(const Arguments& a) {
   if (!a.links.empty()) {
@@ -49,6 +96,7 @@ void join_local_maps(const Arguments& a) {
         G2oCounts counts;
         counts.repaired = set.repaired;
         job.notes = notes_of(counts);
+        if (a.features_only) return join_features(a, set, std::move(job));
         MeasurementGraphBuilder<D> builder;  // for the variables alone
         for (const LocalMap<D>& map : set.maps) builder.add(map);
         run<D>(std::move(job), std::move(builder).build().variables, [&](const JoinOptions& o) {
@@ -109,6 +157,10 @@ void join_maps(const Arguments& a, const std::vector<AnyMap>& any, const Stopwat
 
 void join(const Arguments& a) {
   expect_outputs(a.join);
+  if (!a.merged_list.empty()) {
+    if (!a.features_only) throw InputError("--merged-list goes with --features-only");
+    OutputFiles::expect(a.merged_list);
+  }
   const bool folder = std::any_of(a.inputs.begin(), a.inputs.end(), [](const std::string& path) {
     return input_format(path) == InputFormat::kLocalMaps;
   });
@@ -118,6 +170,11 @@ void join(const Arguments& a) {
         "folder into a .map first");
   }
   if (folder) return join_local_maps(a);
+  if (a.features_only) {
+    throw InputError(
+        "--features-only goes with a folder of local maps; of native maps, 'mapjoin marginalize "
+        "MAP --keep features' first");
+  }
   const Stopwatch reading;
   std::vector<AnyMap> maps;
   for (const std::string& path : a.inputs) {
@@ -150,6 +207,16 @@ void add_join(CLI::App& app) {
                   "Measurements between variables of the maps, in g2o; ids as 12 or 1/12 (session "
                   "1)")
       ->type_name("LINKS.g2o");
+  command.add_flag(
+      "--features-only", arguments->features_only,
+      "Marginalise the poses out of every local map of the folder, then join by "
+      "features alone; neighbours that share too few are joined with their poses first");
+  command
+      .add_option(
+          "--merged-list", arguments->merged_list,
+          "With --features-only: which local maps each feature-only map is made of, and its "
+          "frame")
+      ->type_name("FILE.csv");
   add_join_arguments(command, arguments->join);
   add_examples(command, std::string(kModes) + "\n" + kExamples);
   command.callback([arguments] { join(*arguments); });

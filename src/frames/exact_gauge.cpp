@@ -11,25 +11,6 @@ namespace {
 
 constexpr double kRounding = 1e-12;
 
-/// Zero rows and columns for the given scalars.
-void clear(SymmetricBlockMatrix& matrix, const std::vector<int>& scalars) {
-  std::vector<char> cleared(static_cast<std::size_t>(matrix.scalars()), 0);
-  for (const int s : scalars) cleared[static_cast<std::size_t>(s)] = 1;
-  for (int j = 0; j < matrix.size(); ++j) {
-    for (std::int64_t slot = matrix.begin(j); slot < matrix.end(j); ++slot) {
-      const int i = matrix.row(slot);
-      double* at = matrix.block(slot);
-      for (int c = 0; c < matrix.dim(j); ++c) {
-        for (int r = 0; r < matrix.dim(i); ++r, ++at) {
-          if (cleared[static_cast<std::size_t>(matrix.offset(i) + r)] != 0 ||
-              cleared[static_cast<std::size_t>(matrix.offset(j) + c)] != 0)
-            *at = 0.0;
-        }
-      }
-    }
-  }
-}
-
 }  // namespace
 
 template <int D>
@@ -54,7 +35,7 @@ Map<D> completed_where_solved(Map<D> map) {
     throw InputError("the map was solved in " + to_string(home) +
                      ", which pins mixtures of coordinates: no row of the information stands for "
                      "them; solve it in the frame of a pose");
-  clear(map.information, rows.pinned);
+  leave_out(map.information, rows.pinned);
   map.information = complete_gauge(map.values, home, map.information);
   if (anchor.kind != nullptr) map = change_frame(std::move(map), anchor);
   map.values = std::move(values);

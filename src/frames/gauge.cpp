@@ -65,6 +65,31 @@ SymmetricBlockMatrix complete_gauge(const Values<D>& values, const Anchor<D>& an
   return complete_gauge(values.gauge(), anchor_rows(anchor, values), anchored);
 }
 
+void leave_out(SymmetricBlockMatrix& information, std::span<const int> scalars) {
+  std::vector<char> held(static_cast<std::size_t>(information.size()), 0);  // any scalar of each
+  std::vector<char> out(static_cast<std::size_t>(information.scalars()), 0);
+  int variable = 0;
+  for (const int s : scalars) {
+    while (s >= information.offset(variable + 1)) ++variable;
+    held[static_cast<std::size_t>(variable)] = 1;
+    out[static_cast<std::size_t>(s)] = 1;
+  }
+  for (int j = 0; j < information.size(); ++j) {
+    for (std::int64_t slot = information.begin(j); slot < information.end(j); ++slot) {
+      const int i = information.row(slot);
+      if (held[static_cast<std::size_t>(i)] == 0 && held[static_cast<std::size_t>(j)] == 0)
+        continue;
+      double* at = information.block(slot);
+      for (int c = information.offset(j); c < information.offset(j + 1); ++c) {
+        for (int r = information.offset(i); r < information.offset(i + 1); ++r, ++at) {
+          if (out[static_cast<std::size_t>(r)] != 0 || out[static_cast<std::size_t>(c)] != 0)
+            *at = 0.0;
+        }
+      }
+    }
+  }
+}
+
 template <int D>
 AnchoredInformation anchored_information(const Map<D>& map) {
   const AnchorRows rows = anchor_rows(map.anchor, map.values);

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/SparseCore>
+#include <span>
 #include <vector>
 
 #include "mapjoin/frames/anchors.h"
@@ -22,6 +23,10 @@ SymmetricBlockMatrix complete_gauge(const Values<D>& values, const Anchor<D>& an
 /// The same from its parts: the stacked gauge rows g of all variables, and what the anchor does.
 SymmetricBlockMatrix complete_gauge(const Eigen::MatrixXd& g, const AnchorRows& anchor,
                                     const SymmetricBlockMatrix& anchored);
+
+/// Sets the rows and columns of the given scalars (ascending) to zero: information over what a
+/// frame leaves free, as complete_gauge wants it. O(blocks).
+void leave_out(SymmetricBlockMatrix& information, std::span<const int> scalars);
 
 /// The information matrix of the papers: a map's information without the pinned rows and columns of
 /// its anchor.

@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <span>
 #include <utility>
@@ -19,8 +20,6 @@ constexpr Tag kPointTags[] = {Tag("point"), Tag("point"), Tag("point")};
 
 /// Distances below this part of the largest coordinate drown in rounding errors.
 constexpr double kDistinct = 1e-9;
-/// Standard deviations that a length must have to be told from zero.
-constexpr double kSigmas = 3.0;
 
 template <int D>
 const Vec<D>& point(const double* x) {
@@ -54,26 +53,47 @@ struct Triangle {
 }
 
 template <int D>
-Triangle<D> triangle(const double* const* values, const Key* keys) {
-  const Vec<D>& origin = point<D>(values[0]);
+double size_of(const Vec<D>* points) {
   double size = 0.0;
-  for (int k = 0; k < D; ++k) size = std::max(size, point<D>(values[k]).cwiseAbs().maxCoeff());
+  for (int k = 0; k < D; ++k) size = std::max(size, points[k].cwiseAbs().maxCoeff());
+  return size;
+}
+
+/// Lengths that drown in rounding errors are left zero, and so are the axes along them.
+template <int D>
+Triangle<D> triangle(const Vec<D>* points) {
+  const double size = size_of(points);
   Triangle<D> out;
-  const Vec<D> to_x = point<D>(values[1]) - origin;
+  const Vec<D> to_x = points[1] - points[0];
   out.distance = to_x.norm();
-  if (!(out.distance > kDistinct * size)) throw_coincident(keys, out.distance, size);
+  if (!(out.distance > kDistinct * size)) return out;
   out.x = to_x / out.distance;
   if constexpr (D == 3) {
-    const Vec<3> to_y = point<3>(values[2]) - origin;
+    const Vec<3> to_y = points[2] - points[0];
     out.along = out.x.dot(to_y);
     Vec<3> beside = to_y - out.along * out.x;
     out.height = beside.norm();
-    const double reach = to_y.norm();
-    if (!(out.height > kDistinct * size))
-      throw_collinear(keys, out.height, reach > 0.0 ? out.height / reach : 0.0, size);
+    if (!(out.height > kDistinct * size)) return out;
     beside /= out.height;
     beside -= out.x.dot(beside) * out.x;  // again: of a small height little is left orthogonal
     out.y = beside.normalized();
+  }
+  return out;
+}
+
+/// The same of what an anchor names. \throws DegenerateFrameError.
+template <int D>
+Triangle<D> triangle(const double* const* values, const Key* keys) {
+  std::array<Vec<D>, D> points;
+  for (int k = 0; k < D; ++k) points[static_cast<std::size_t>(k)] = point<D>(values[k]);
+  const Triangle<D> out = triangle<D>(points.data());
+  const double size = size_of<D>(points.data());
+  if (out.x.isZero(0.0)) throw_coincident(keys, out.distance, size);
+  if constexpr (D == 3) {
+    if (out.y.isZero(0.0)) {
+      const double reach = (points[2] - points[0]).norm();
+      throw_collinear(keys, out.height, reach > 0.0 ? out.height / reach : 0.0, size);
+    }
   }
   return out;
 }
@@ -193,25 +213,36 @@ PointsCertainty certainty(const Anchor<D>& anchor, const Values<D>& values,
                     "stacked; it is {} x {}",
                     to_string(anchor), D * D, D * D, covariance.rows(), covariance.cols()));
   }
+  std::vector<Vec<D>> points;
   std::vector<const double*> pointers;
-  for (const int i : anchor_variables(anchor, values.variables()))
+  for (const int i : anchor_variables(anchor, values.variables())) {
     pointers.push_back(values.value(i));
-  const Triangle<D> axes = triangle<D>(pointers.data(), anchor.keys.data());
-  const auto sigma = [&](const Eigen::VectorXd& slope) {
+    points.push_back(point<D>(pointers.back()));
+  }
+  triangle<D>(pointers.data(), anchor.keys.data());  // says what is degenerate
+  return certainty<D>(points.data(), covariance);
+}
+
+template <int D>
+PointsCertainty certainty(const Vec<D>* points, const Eigen::MatrixXd& covariance) {
+  const Triangle<D> axes = triangle<D>(points);
+  PointsCertainty out;
+  if (axes.x.isZero(0.0)) return out;
+  const auto sigma = [&](const Mat<D * D, 1>& slope) {
     return std::sqrt(std::max(0.0, slope.dot(covariance * slope)));
   };
-  PointsCertainty out;
   out.distance = axes.distance;
-  Eigen::VectorXd slope = Eigen::VectorXd::Zero(D * D);
+  Mat<D * D, 1> slope = Mat<D * D, 1>::Zero();
   slope.template segment<D>(0) = -axes.x;
   slope.template segment<D>(D) = axes.x;
   out.distance_sigma = sigma(slope);
   if constexpr (D == 3) {
+    if (axes.y.isZero(0.0)) return out;
     const double part = axes.along / axes.distance;  // how much of F_X's motion F_Y's foot follows
     out.height = axes.height;
-    slope.segment<3>(0) = -(1.0 - part) * axes.y;
-    slope.segment<3>(3) = -part * axes.y;
-    slope.segment<3>(6) = axes.y;
+    slope.template segment<3>(0) = -(1.0 - part) * axes.y;
+    slope.template segment<3>(3) = -part * axes.y;
+    slope.template segment<3>(6) = axes.y;
     out.height_sigma = sigma(slope);
   }
   return out;
@@ -221,14 +252,14 @@ template <int D>
 void expect_distinct(const Anchor<D>& anchor, const Values<D>& values,
                      const Eigen::MatrixXd& covariance) {
   const PointsCertainty known = certainty(anchor, values, covariance);
-  if (!(known.distance > kSigmas * known.distance_sigma)) {
+  if (!(known.distance > kDistinctSigmas * known.distance_sigma)) {
     throw DegenerateFrameError(fmt::format(
         "{} does not fix a frame within what the map can tell: {} and {} are {:.3g} apart with a "
         "standard deviation of {:.3g}; choose points that are farther apart, or a pose",
         to_string(anchor), to_string(anchor.keys[0]), to_string(anchor.keys[1]), known.distance,
         known.distance_sigma));
   }
-  if (D == 3 && !(known.height > kSigmas * known.height_sigma)) {
+  if (D == 3 && !(known.height > kDistinctSigmas * known.height_sigma)) {
     throw DegenerateFrameError(fmt::format(
         "{} does not fix a frame within what the map can tell: {} is {:.3g} beside the line "
         "through "
@@ -239,11 +270,12 @@ void expect_distinct(const Anchor<D>& anchor, const Values<D>& values,
   }
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                              \
-  template const AnchorKind<D>& points_anchor_kind<D>();                    \
-  template std::optional<Anchor<D>> farthest_points<D>(const Values<D>&);   \
-  template PointsCertainty certainty<D>(const Anchor<D>&, const Values<D>&, \
-                                        const Eigen::MatrixXd&);            \
+#define MAPJOIN_INSTANTIATE(D)                                                  \
+  template const AnchorKind<D>& points_anchor_kind<D>();                        \
+  template std::optional<Anchor<D>> farthest_points<D>(const Values<D>&);       \
+  template PointsCertainty certainty<D>(const Vec<D>*, const Eigen::MatrixXd&); \
+  template PointsCertainty certainty<D>(const Anchor<D>&, const Values<D>&,     \
+                                        const Eigen::MatrixXd&);                \
   template void expect_distinct<D>(const Anchor<D>&, const Values<D>&, const Eigen::MatrixXd&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

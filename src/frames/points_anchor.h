@@ -56,6 +56,14 @@ struct PointsCertainty {
   double height_sigma = 0.0;
 };
 
+/// Lengths that are fewer standard deviations than this may as well be zero.
+inline constexpr double kDistinctSigmas = 3.0;
+
+/// To first order, of D points and their joint covariance, stacked. Lengths that drown in rounding
+/// errors of the coordinates are zero, and have no standard deviation.
+template <int D>
+PointsCertainty certainty(const Vec<D>* points, const Eigen::MatrixXd& covariance);
+
 /// To first order, from the joint covariance of the anchor's points: D^2 x D^2, their coordinates
 /// stacked in the order of the keys, in any frame; zero where that frame pins.
 /// \throws InputError when the covariance is of another size or the anchor is not of points;

@@ -183,15 +183,20 @@ Map<D> join(const Map<D>& a, const Map<D>& b) {
 }
 
 template <int D>
-Map<D> join_as_published(const Map<D>& a, const Map<D>& b, const Key& common_pose) {
+Map<D> join_as_published(const Map<D>& a, const Map<D>& b, const Anchor<D>& common) {
   const SingleThreadedBlas blas;
   const std::vector<Map<D>> maps{a, b};
   const VariableSet<D> all = united(maps);
-  Summary<D> first{to_piece(all, a.values), a.information};
-  Summary<D> second{to_piece(all, b.values), b.information};
-  const int pose = all.require(common_pose, "common pose");
-  return as_map(all, join_as_published(all, std::move(first), std::move(second), pose),
-                pose_anchor<D>(common_pose));
+  anchor_variables(common, all);  // are there such variables?
+  return as_map(all,
+                join_as_published(all, Summary<D>{to_piece(all, a.values), a.information},
+                                  Summary<D>{to_piece(all, b.values), b.information}, common),
+                common);
+}
+
+template <int D>
+Map<D> join_as_published(const Map<D>& a, const Map<D>& b, const Key& common_pose) {
+  return join_as_published(a, b, pose_anchor<D>(common_pose));
 }
 
 template <int D>
@@ -210,11 +215,12 @@ Map<D> to_map(const LocalMap<D>& local_map) {
   return map;
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                    \
-  template Merge<D> merge<D>(std::vector<Map<D>>);                                \
-  template Map<D> solve<D>(const Merge<D>&);                                      \
-  template Map<D> join<D>(const Map<D>&, const Map<D>&);                          \
-  template Map<D> join_as_published<D>(const Map<D>&, const Map<D>&, const Key&); \
+#define MAPJOIN_INSTANTIATE(D)                                                          \
+  template Merge<D> merge<D>(std::vector<Map<D>>);                                      \
+  template Map<D> solve<D>(const Merge<D>&);                                            \
+  template Map<D> join<D>(const Map<D>&, const Map<D>&);                                \
+  template Map<D> join_as_published<D>(const Map<D>&, const Map<D>&, const Anchor<D>&); \
+  template Map<D> join_as_published<D>(const Map<D>&, const Map<D>&, const Key&);       \
   template Map<D> to_map<D>(const LocalMap<D>&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

@@ -47,11 +47,18 @@ Map<D> solve(const Merge<D>& merge);
 template <int D>
 Map<D> join(const Map<D>& a, const Map<D>& b);
 
-/// Joins as Linear SLAM section 4 does: both maps are written in the frame of one common pose,
-/// which is all they are compared by, and the joined information is completed exactly. For one
-/// common pose and nothing else in common this is the minimiser of (7), whatever the disagreement
-/// (Lemma 1). The result is in the frame of that pose. \throws DisconnectedError when the pose is
-/// not in both maps.
+/// Joins as Linear SLAM does: both maps are written in the frame of what `common` names, which is
+/// all they are compared by, and the joined information is completed exactly. The result is in that
+/// frame.
+///
+/// A common pose (section 4): for one pose and nothing else in common this is the minimiser of (7),
+/// whatever the disagreement (Lemma 1). Two common points in the plane, three in space (section 7):
+/// for feature-only maps; which are best, common_points() says. \throws DisconnectedError that
+/// names what is not in both maps; DegenerateFrameError; SingularError.
+template <int D>
+Map<D> join_as_published(const Map<D>& a, const Map<D>& b, const Anchor<D>& common);
+
+/// The same for a common pose.
 template <int D>
 Map<D> join_as_published(const Map<D>& a, const Map<D>& b, const Key& common_pose);
 

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "mapjoin/graph/anchor.h"
 #include "mapjoin/graph/block_matrix.h"
 #include "mapjoin/graph/piece.h"
 
@@ -15,6 +16,7 @@ template <int D>
 struct Summary {
   Piece<D> piece;
   SymmetricBlockMatrix information;  ///< in the order of piece.variables
+  Anchor<D> solved_in{};  ///< what the last solve held; none: a pose, or not solved in any frame
 };
 
 /// The linear least squares problem of a join, equations (12)-(15) of Linear SLAM: min |A d - Z|^2

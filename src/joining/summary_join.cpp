@@ -7,6 +7,7 @@
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/change_frame.h"
 #include "mapjoin/frames/gauge.h"
+#include "mapjoin/frames/points_anchor.h"
 #include "mapjoin/graph/error.h"
 #include "mapjoin/joining/place.h"
 #include "mapjoin/solvers/gauge_scalars.h"
@@ -32,17 +33,84 @@ int place_of(const std::vector<int>& variables, int variable) {
              : -1;
 }
 
-/// One solve of (16) about x, with the given pose (or features, when negative) pinned: x becomes x
-/// [+] d.
+/// The places of an anchor's variables in a piece.
+template <int D>
+std::vector<int> anchor_places(const VariableSet<D>& all, const Piece<D>& piece,
+                               const Anchor<D>& anchor) {
+  std::vector<int> out;
+  for (const Key& key : anchor.keys) {
+    out.push_back(place_of(piece.variables, all.require(key, "common variable")));
+    if (out.back() < 0)
+      throw DisconnectedError(
+          fmt::format("{} is not in both maps; they can only be joined in the frame of what both "
+                      "have",
+                      to_string(key)));
+  }
+  return out;
+}
+
+template <int D>
+std::vector<double*> values_at(const VariableSet<D>& all, Piece<D>& piece,
+                               const std::vector<int>& places) {
+  std::vector<double*> out;
+  for (const int place : places) out.push_back(value_of(all, piece, place));
+  return out;
+}
+
+/// What an anchor holds of a piece that is written in its frame.
+struct Held {
+  AnchorRows rows;                   ///< of places in the piece
+  std::vector<PieceScalar> scalars;  ///< that the anchor drops from the state
+};
+
+template <int D>
+Held held_by(const VariableSet<D>& all, Piece<D>& piece, const Anchor<D>& anchor) {
+  Held out;
+  const std::vector<int> places = anchor_places(all, piece, anchor);
+  ValuesBuilder<D> builder;  // of the anchor's variables alone
+  for (std::size_t k = 0; k < places.size(); ++k) {
+    builder.add(all.kind(piece.variables[at(places[k])]), anchor.keys[k],
+                value_of(all, piece, places[k]));
+  }
+  out.rows = anchor_rows(anchor, std::move(builder).build());
+  if (out.rows.pinned.empty())
+    throw InputError(to_string(anchor) +
+                     " pins mixtures of coordinates, which no column of A stands for; join in the "
+                     "frame of a pose or of points");
+  auto scalar = out.rows.scalars.begin();
+  for (std::size_t k = 0; k < places.size(); ++k) {
+    for (int s = 0; s < all.dim(piece.variables[at(places[k])]); ++s, ++scalar) {
+      if (std::binary_search(out.rows.pinned.begin(), out.rows.pinned.end(), *scalar))
+        out.scalars.push_back({places[k], s});
+    }
+  }
+  std::sort(out.scalars.begin(), out.scalars.end());
+  out.rows.variables = places;
+  return out;
+}
+
+template <int D>
+void write_in(const VariableSet<D>& all, Summary<D>& map, const Anchor<D>& anchor) {
+  const auto values = values_at(all, map.piece, anchor_places(all, map.piece, anchor));
+  move(all, map, anchor.kind->frame(values.data(), anchor.keys.data()));
+  anchor.kind->pin(values.data());
+}
+
+/// Scalars of the equations' columns.
+std::vector<int> columns_of(const JoinEquations& equations, std::span<const PieceScalar> scalars) {
+  std::vector<int> out;
+  for (const PieceScalar& s : scalars)
+    out.push_back(equations.column_offset[at(s.variable)] + s.scalar);
+  return out;
+}
+
+/// One solve of (16) about x with the given scalars held: x becomes x [+] d.
 template <int D>
 void solve_step(const VariableSet<D>& all, std::span<const Summary<D>* const> maps, Piece<D>& x,
-                int pinned_pose) {
+                std::span<const PieceScalar> held) {
   const JoinEquations equations = join_equations(all, maps, x);
   const SymmetricBlockMatrix normal = equations.normal_matrix();
-  std::vector<int> dropped;
-  for (const PieceScalar& s : gauge_scalars(all, x, pinned_pose)) {
-    dropped.push_back(equations.column_offset[at(s.variable)] + s.scalar);
-  }
+  const std::vector<int> dropped = columns_of(equations, held);
   SparseCholesky cholesky;
   cholesky.analyze(normal, dropped);
   const int failed = cholesky.factorize(normal);
@@ -56,6 +124,29 @@ void solve_step(const VariableSet<D>& all, std::span<const Summary<D>* const> ma
   }
   const Eigen::VectorXd d = cholesky.solve(equations.right_hand_side());
   retract(all, x, std::span<const double>(d.data(), at(d.size())));
+}
+
+/// The points that a piece without poses is solved in the frame of; none where it has a pose, or no
+/// such points.
+template <int D>
+Anchor<D> points_for(const VariableSet<D>& all, const Piece<D>& piece) {
+  if (lowest_pose(all, piece) >= 0) return {};
+  return farthest_points(to_values(all, piece)).value_or(Anchor<D>());
+}
+
+/// One solve that holds what `joined.solved_in` pins, where it says; else the lowest pose, or the
+/// most independent scalars.
+template <int D>
+void solve_in_frame(const VariableSet<D>& all, std::span<const Summary<D>* const> maps,
+                    Summary<D>& joined) {
+  Piece<D>& x = joined.piece;
+  if (joined.solved_in.kind == nullptr) {
+    solve_step(all, maps, x, gauge_scalars(all, x, lowest_pose(all, x)));
+    return;
+  }
+  const Held held = held_by(all, x, joined.solved_in);
+  solve_step<D>(all, maps, x, held.scalars);
+  joined.solved_in.kind->pin(values_at(all, x, held.rows.variables).data());
 }
 
 template <int D>
@@ -98,9 +189,14 @@ std::vector<Summary<D>> join_summaries(const VariableSet<D>& all, std::vector<Su
       }
       Summary<D> joined;
       joined.piece = unite(all, pieces, group.members);
+      joined.solved_in = points_for(all, joined.piece);
+      if (joined.solved_in.kind != nullptr) {
+        const Rigid<D> into = motion_into(joined.solved_in, to_values(all, joined.piece));
+        for (Summary<D>& member : members) move(all, member, into);
+        move(all, joined.piece, into);
+      }
       const auto parts = pointers(members);
-      for (int s = 0; s < solves; ++s)
-        solve_step<D>(all, parts, joined.piece, lowest_pose(all, joined.piece));
+      for (int s = 0; s < solves; ++s) solve_in_frame<D>(all, parts, joined);
       joined.information = join_equations<D>(all, parts, joined.piece).normal_matrix();
       out.push_back(std::move(joined));
     }
@@ -112,52 +208,32 @@ std::vector<Summary<D>> join_summaries(const VariableSet<D>& all, std::vector<Su
 
 template <int D>
 Summary<D> join_as_published(const VariableSet<D>& all, Summary<D> first, Summary<D> second,
-                             int common, bool complete) {
-  constexpr int G = kGauge<D>;
-  for (Summary<D>* map : {&first, &second}) {
-    const int place = place_of(map->piece.variables, common);
-    if (place < 0)
-      throw DisconnectedError(
-          fmt::format("pose {} is not in both maps", to_string(all.key(common))));
-    auto* const pose = reinterpret_cast<Rigid<D>*>(value_of(all, map->piece, place));
-    move(all, *map, motion_into(*pose));
-    *pose = Rigid<D>::identity();
-  }
+                             const Anchor<D>& common, bool complete) {
+  for (Summary<D>* map : {&first, &second}) write_in(all, *map, common);
   std::vector<Piece<D>> pieces{first.piece, second.piece};
   Summary<D> joined;
   joined.piece = unite(all, pieces, {0, 1});
+  joined.solved_in = common;
   const Summary<D>* const maps[2] = {&first, &second};
-  const int place = place_of(joined.piece.variables, common);
-  solve_step<D>(all, maps, joined.piece, place);
-  *reinterpret_cast<Rigid<D>*>(value_of(all, joined.piece, place)) = Rigid<D>::identity();
+  solve_in_frame<D>(all, maps, joined);
 
-  if (!complete) {
-    joined.information = join_equations<D>(all, maps, joined.piece).normal_matrix();
-    return joined;
-  }
-  // (17) in the frame of the common pose, whose rows and columns are not part of it; then completed
-  // exactly.
-  SymmetricBlockMatrix anchored = join_equations<D>(all, maps, joined.piece).normal_matrix();
-  for (int j = 0; j < anchored.size(); ++j) {
-    for (std::int64_t s = anchored.begin(j); s < anchored.end(j); ++s) {
-      if (j != place && anchored.row(s) != place) continue;
-      std::fill_n(anchored.block(s), anchored.dim(anchored.row(s)) * anchored.dim(j), 0.0);
-    }
-  }
-  AnchorRows rows;
-  rows.variables = {place};
-  rows.P = Eigen::MatrixXd::Identity(G, G);
-  rows.C = Eigen::MatrixXd::Identity(G, G);
-  joined.information = complete_gauge(gauge_rows(all, joined.piece), rows, anchored);
+  const JoinEquations equations = join_equations<D>(all, maps, joined.piece);
+  joined.information = equations.normal_matrix();
+  if (!complete) return joined;
+  // (17) in the frame of what is common, whose pinned rows and columns are not part of it; then
+  // completed exactly.
+  const Held held = held_by(all, joined.piece, common);
+  leave_out(joined.information, columns_of(equations, held.scalars));
+  joined.information = complete_gauge(gauge_rows(all, joined.piece), held.rows, joined.information);
   return joined;
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                                 \
-  template void move<D>(const VariableSet<D>&, Summary<D>&, const Rigid<D>&);                  \
-  template std::vector<Summary<D>> join_summaries<D>(const VariableSet<D>&,                    \
-                                                     std::vector<Summary<D>>, int, Places&);   \
-  template Summary<D> join_as_published<D>(const VariableSet<D>&, Summary<D>, Summary<D>, int, \
-                                           bool);
+#define MAPJOIN_INSTANTIATE(D)                                                               \
+  template void move<D>(const VariableSet<D>&, Summary<D>&, const Rigid<D>&);                \
+  template std::vector<Summary<D>> join_summaries<D>(const VariableSet<D>&,                  \
+                                                     std::vector<Summary<D>>, int, Places&); \
+  template Summary<D> join_as_published<D>(const VariableSet<D>&, Summary<D>, Summary<D>,    \
+                                           const Anchor<D>&, bool);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)
 #undef MAPJOIN_INSTANTIATE

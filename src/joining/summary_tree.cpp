@@ -1,11 +1,14 @@
 #include "mapjoin/joining/summary_tree.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <functional>
 #include <memory>
 
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/local_map.h"
+#include "mapjoin/joining/common_points.h"
 #include "mapjoin/joining/leaf.h"
 #include "mapjoin/joining/place.h"
 #include "mapjoin/joining/refine.h"
@@ -23,11 +26,30 @@ std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 constexpr int kMostLeafSolves = 20;
 constexpr double kLeafTolerance = 1e-9;
 
+/// How often maps were joined in frames of points, and which of these frames is least certain.
+template <int D>
+struct PointFrames {
+  int count = 0;
+  ChosenPoints<D> worst;
+
+  void add(const ChosenPoints<D>& chosen) {
+    if (count == 0 || chosen.certainty < worst.certainty) worst = chosen;
+    ++count;
+  }
+  void add(const PointFrames& other) {
+    if (other.count == 0) return;
+    const int total = count + other.count;
+    add(other.worst);
+    count = total;
+  }
+};
+
 /// A map and the pose its first local map started from (number in the graph, -1: none).
 template <int D>
 struct Started {
   Summary<D> summary;
   int start = -1;
+  PointFrames<D> frames{};  ///< of the joins that made it
 };
 
 struct SummaryDesk {
@@ -52,6 +74,12 @@ int common_pose(const VariableSet<D>& all, const Started<D>& first, const Starte
     if (std::binary_search(a.begin(), a.end(), b[at(k)])) return b[at(k)];
   }
   return -1;
+}
+
+template <int D>
+bool has_pose(const VariableSet<D>& all, const Piece<D>& piece) {
+  const int c = all.find_column(Tag("pose"));
+  return c >= 0 && piece.column_size(at(c)) > 0;
 }
 
 /// The pose that a piece's first observation was made from; -1 where its frame is not a pose's.
@@ -139,24 +167,45 @@ class SummaryWalk {
       for (Started<D>& map : results_[at(child)]) result.push_back(std::move(map));
       results_[at(child)] = {};
     }
+    const bool root = node + 1 == tree_.nodes();
     if (options_.mode == Mode::kPaper) {
-      join_pairs(result);
+      join_pairs(result, root);
     } else {
-      join_group(result, desk, node + 1 == tree_.nodes());
+      join_group(result, desk, root);
     }
   }
 
-  /// As published, two at a time in the given order; maps that share no pose stay side by side.
-  void join_pairs(std::vector<Started<D>>& maps) const {
+  /// As published, two at a time in the given order: at poses; and where there are none, at points
+  /// (section 7). Maps that share neither stay side by side.
+  void join_pairs(std::vector<Started<D>>& maps, bool root) const {
+    join_pairs(maps, [&](const Started<D>& first, const Started<D>& second) -> Anchor<D> {
+      const int pose = common_pose(all_, first, second);
+      return pose < 0 ? Anchor<D>() : pose_anchor<D>(all_.key(pose));
+    });
+    join_pairs(maps, [&](Started<D>& first, const Started<D>& second) -> Anchor<D> {
+      // Those with poses wait for the map that links these, as long as one may come.
+      if (!root && has_pose(all_, first.summary.piece) && has_pose(all_, second.summary.piece))
+        return {};
+      const Summary<D>* const both[2] = {&first.summary, &second.summary};
+      const auto chosen = common_points<D>(all_, both);
+      if (!chosen) return {};
+      first.frames.add(*chosen);
+      return chosen->anchor;
+    });
+  }
+
+  template <class Common>
+  void join_pairs(std::vector<Started<D>>& maps, const Common& common) const {
     for (std::size_t a = 0; a < maps.size(); ++a) {
       for (std::size_t b = a + 1; b < maps.size(); ++b) {
-        const int common = common_pose(all_, maps[a], maps[b]);
-        if (common < 0) continue;
+        const Anchor<D> anchor = common(maps[a], maps[b]);
+        if (anchor.kind == nullptr) continue;
         maps[a].summary =
-            join_as_published(all_, std::move(maps[a].summary), std::move(maps[b].summary), common,
+            join_as_published(all_, std::move(maps[a].summary), std::move(maps[b].summary), anchor,
                               options_.strategy == Strategy::kDivideAndConquer);
+        maps[a].frames.add(maps[b].frames);
         maps.erase(maps.begin() + static_cast<std::ptrdiff_t>(b));
-        b = a;  // the grown map may share a pose with one passed over
+        b = a;  // the grown map may share with one passed over
       }
     }
   }
@@ -167,7 +216,7 @@ class SummaryWalk {
     maps.clear();
     const int solves = root ? std::max(1, options_.root_solves) : 1;
     for (Summary<D>& joined : join_summaries(all_, std::move(summaries), solves, desk.places)) {
-      maps.push_back({std::move(joined), -1});
+      maps.push_back({std::move(joined)});
     }
   }
 
@@ -207,8 +256,34 @@ void collect_observations(const CliqueList& all, Piece<D>& piece, Places& places
   places.clear(piece.variables);
 }
 
+/// A map without poses stays in the frame it was solved in. One that was not solved in any is as
+/// good in all.
+template <int D>
+Map<D> without_pose(Map<D> map, const Anchor<D>& solved_in, JoinReport& report) {
+  if (solved_in.kind == nullptr) {
+    map = into_points(std::move(map), report);
+    map.solved_in = map.anchor;
+    return map;
+  }
+  report.notes.push_back(fmt::format("the piece of {} has no pose: it is in the frame of {}",
+                                     to_string(map.variables().key(0)), to_string(solved_in)));
+  map = change_frame(std::move(map), solved_in);
+  map.solved_in = solved_in;
+  return map;
+}
+
+template <int D>
+std::string note_of(const PointFrames<D>& frames) {
+  return fmt::format(
+      "{} {} in the frame of common points, chosen to be far apart; the distances of {} are the "
+      "least certain, at {:.0f} standard deviations",
+      frames.count, frames.count == 1 ? "join" : "joins", to_string(frames.worst.anchor),
+      frames.worst.certainty);
+}
+
 /// The joined summaries as maps, judged by the observations of `graph`: in the frames of their
-/// lowest poses, or of points where they have none.
+/// lowest poses; where they have none, of the points they were solved in the frame of, or of
+/// others.
 template <int D>
 JoinResult<D> finish(const MeasurementGraph<D>& graph, std::vector<Started<D>> joined) {
   JoinResult<D> result;
@@ -233,13 +308,20 @@ JoinResult<D> finish(const MeasurementGraph<D>& graph, std::vector<Started<D>> j
     out.information = std::move(summary.information);
     out.anchor = anchor;
     out.solved_in = anchor;
-    if (anchor.keys.empty()) out = into_points(std::move(out), report);
+    if (anchor.keys.empty()) out = without_pose(std::move(out), summary.solved_in, report);
+    if (map.frames.count > 0) report.notes.push_back(note_of(map.frames));
     result.maps.push_back(std::move(out));
   }
   report.chi2_linear = report.chi2;
   report.components = static_cast<int>(result.maps.size());
   std::sort(result.maps.begin(), result.maps.end(), lower_map_first<D>);
   return result;
+}
+
+/// What a map without poses was solved in the frame of.
+template <int D>
+Anchor<D> points_solved_in(const Map<D>& map) {
+  return map.variables().find_column(Tag("pose")) < 0 ? map.solved_in : Anchor<D>();
 }
 
 }  // namespace
@@ -281,7 +363,8 @@ JoinResult<D> join_by_summaries(std::span<const Map<D>> maps, const MeasurementG
   const auto leaf = [&](int node, SummaryDesk& desk) -> std::vector<Started<D>> {
     if (at(node) < maps.size()) {
       const Map<D>& map = maps[at(node)];
-      Started<D> out{{to_piece(graph.variables, map.values), map.information}, -1};
+      Started<D> out{
+          {to_piece(graph.variables, map.values), map.information, points_solved_in(map)}, -1};
       if (is_pose_anchor(map.anchor))
         out.start = graph.variables.find(map.anchor.keys[0]).value_or(-1);
       return {std::move(out)};

@@ -16,8 +16,11 @@ template <int D>
 JoinResult<D> join_by_summaries(const MeasurementGraph<D>& graph, std::span<const Key> order,
                                 const JoinOptions& options);
 
-/// The same for finished maps, in the given order, and the links between them. Paper mode joins
-/// maps that share a pose.
+/// The same for finished maps, in the given order, and the links between them.
+///
+/// Paper mode joins maps at a pose they share. Maps without poses are joined in the frame of common
+/// points (Linear SLAM section 7), those that common_points() chooses; so are, at the root, maps
+/// that have poses but share none.
 template <int D>
 JoinResult<D> join_by_summaries(std::span<const Map<D>> maps, const MeasurementGraph<D>& links,
                                 const JoinOptions& options);

@@ -7,7 +7,9 @@
 namespace mapjoin::test {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 class Join : public Workbench {
  protected:
@@ -38,6 +40,43 @@ class Join : public Workbench {
     return figure(run({"evaluate", result, "--graph", graph}), "chi2");
   }
 };
+
+/// A folder of two local maps of the plane: poses 0 and 1, 1 and 2, and four features in both.
+std::string local_map_text(int reference, int end, double shift) {
+  std::ostringstream out;
+  out << -reference << "\n11\n";
+  for (const double x : {2.0, 0.0, 0.0}) out << -end << " " << x << "\n";
+  const double features[4][2] = {{1, 1}, {4, 2}, {3, -2}, {-1, 3}};
+  for (int k = 0; k < 4; ++k) {
+    out << 10 + k << " " << features[k][0] - shift << "\n";
+    out << 10 + k << " " << features[k][1] << "\n";
+  }
+  for (int r = 0; r < 11; ++r) {
+    for (int c = 0; c < 11; ++c) out << (r == c ? 100 : 0) << (c < 10 ? " " : "\n");
+  }
+  return out.str();
+}
+
+TEST_F(Join, FeaturesOnlyLeavesThePosesOut) {
+  write("maps/localmap_1.txt", local_map_text(1, 2, 0.0));
+  write("maps/localmap_2.txt", local_map_text(2, 3, 2.0));
+  const std::string report =
+      run({"join", file("maps"), "--features-only", "--mode", "paper", "--anchor", "points:10,11",
+           "--merged-list", file("list.csv"), "--output", file("f.g2o")});
+  EXPECT_THAT(report, AllOf(HasSubstr("0 poses, 4 features"), HasSubstr("frame of points:10,11"),
+                            HasSubstr("2 feature-only maps of 2 local maps"),
+                            HasSubstr("1 join in the frame of common points")));
+  const std::string list = read_text(file("list.csv"));
+  EXPECT_THAT(list, AllOf(HasSubstr("map,first,last,frame\n1,1,1,\"points:"),
+                          HasSubstr("\n2,2,2,\"points:")));
+  EXPECT_THAT(read_text(file("f.g2o")), Not(HasSubstr("VERTEX_SE2")));
+
+  expect_refused({"join", file("maps"), "--merged-list", file("l.csv"), "--output", file("o.g2o")},
+                 "--merged-list goes with --features-only");
+  run({"join", file("maps"), "--output", file("a.map")});
+  expect_refused({"join", file("a.map"), "--features-only", "--output", file("o.g2o")},
+                 "mapjoin marginalize");
+}
 
 TEST_F(Join, TwoRecordingsThatShareVariables) {
   const std::string world = simulate("sphere", 300);

@@ -152,7 +152,6 @@ TYPED_TEST(JoinInPoints, ExactMapsGiveTheTruthInEveryMode) {
     Values<D> truth = random_values<D>(dice, with_poses ? ids(11) : ids(0), ids(20));
     const auto maps = local_maps<D>(dice, truth, 5, with_poses, false, 0.0);
     for (const Mode mode : {Mode::kPaper, Mode::kSummary, Mode::kObserve, Mode::kOptimal}) {
-      if (mode == Mode::kPaper && !with_poses) continue;  // joins at poses
       const JoinResult<D> result = join_all_of(maps, small_leaves(mode));
       ASSERT_EQ(result.maps.size(), 1U);
       truth.transform(motion_into(result.maps[0].anchor, truth));
@@ -161,14 +160,22 @@ TYPED_TEST(JoinInPoints, ExactMapsGiveTheTruthInEveryMode) {
   }
 }
 
-TYPED_TEST(JoinInPoints, PublishedModeLeavesMapsThatShareNoPoseSideBySide) {
+/// Maps with poses that share none are joined at points, once nothing else can link them.
+TYPED_TEST(JoinInPoints, PublishedModeJoinsMapsThatShareNoPoseAtPoints) {
   constexpr int D = TypeParam::value;
   Dice dice(7);
-  const Values<D> truth = random_values<D>(dice, {}, ids(20));
-  const auto maps = local_maps<D>(dice, truth, 3, false, false, 0.0);
+  const Values<D> truth = random_values<D>(dice, ids(5), ids(12));
+  std::vector<LocalMap<D>> maps;
+  for (const std::uint64_t pose : {0, 3}) {
+    std::vector<Key> terms{pose_key(pose + 1)};
+    for (const auto id : ids(8, pose == 0 ? 0 : 4)) terms.push_back(point_key(id));
+    maps.push_back(random_local_map(dice, truth, pose, terms, 0.0));
+  }
   const JoinResult<D> result = join_all_of(maps, small_leaves(Mode::kPaper, TreeShape::kOrder));
-  EXPECT_EQ(result.maps.size(), 3U);
-  for (const Map<D>& map : result.maps) EXPECT_EQ(map.anchor, farthest_points(map.values).value());
+  ASSERT_EQ(result.maps.size(), 1U);
+  Values<D> expected = part_of(truth, {0, 1, 3, 4}, ids(12));
+  expected.transform(motion_into(result.maps[0].anchor, expected));
+  EXPECT_LT(distance(result.maps[0].values, expected), 1e-8);
 }
 
 TYPED_TEST(JoinInPoints, ALocalMapAsAMapIsItsInformationCompleted) {
