@@ -249,10 +249,10 @@ TYPED_TEST(CovarianceOf, SolvedMapIsTheInverseOfItsInformation) {
 /// Pins the same as two_points, by mixtures of its three coordinates.
 const AnchorKind<2>& mixed_points_kind() {
   static const AnchorKind<2> kind = [] {
-    AnchorKind<2> out = two_points_kind();
+    AnchorKind<2> out = points_anchor_kind<2>();
     out.tag = Tag("mixed");
     out.rows = [](const double* const* x, double* P) {
-      two_points_kind().rows(x, P);
+      points_anchor_kind<2>().rows(x, P);
       Eigen::Map<Eigen::Matrix<double, 3, 4>> rows(P);
       Eigen::Matrix3d mixture;
       mixture << 1.0, 0.5, -0.3, 0.2, 1.5, 0.4, -0.7, 0.1, 2.0;
