@@ -72,9 +72,9 @@ void FrontalCholesky::factor_fronts(Index begin, Index end, Assembler assemble, 
 }
 
 FactorStatus FrontalCholesky::factorize_subtree(const FrontalStructure& structure, Index first,
-                                                Index root, Assembler assemble) {
+                                                Index root, Assembler assemble, LoopRunner loop) {
   require_memory(structure, structure.fronts[first].panel, end_of_panel(structure.fronts[root]), 1);
-  factor_fronts(first, root + 1, assemble, scratch_.data(), {});
+  factor_fronts(first, root + 1, assemble, scratch_.data(), loop);
   return status();
 }
 
