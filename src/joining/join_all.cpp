@@ -17,7 +17,7 @@ namespace mapjoin {
 namespace {
 
 /// Of chi2: what may be left above the minimum, by an estimate that is rather too large.
-constexpr double kRefineTolerance = 2e-7;
+constexpr double kRefineTolerance = 2e-8;
 
 void check(const JoinOptions& options) {
   if (options.threads < 1) throw InputError("threads must be at least 1");
