@@ -64,6 +64,32 @@ struct PoseType {
         inverse_right_jacobian<D, double>(rotation_log<D, double>(turn));
     return S;
   }
+  /// local, local_jacobian and S g in one: the rotations that S and g share cancel.
+  static Vec<dim> linearized_local(const Rigid<D>& x, const Rigid<D>& y, Mat<dim, dim>& S,
+                                   Mat<dim, dim>& Sg) {
+    const Mat<D, D> back = x.R.transpose();
+    const Mat<D, D> turn = back * y.R;
+    const Vec<kRot> phi = rotation_log<D, double>(turn);
+    Vec<dim> r;
+    r.template head<D>().noalias() = back * (y.t - x.t);
+    r.template tail<kRot>() = phi;
+    S.setZero();
+    S.template topLeftCorner<D, D>() = turn;
+    Sg.setZero();
+    Sg.template topLeftCorner<D, D>() = back;
+    if constexpr (D == 2) {
+      S(2, 2) = 1.0;
+      Sg.template topRightCorner<2, 1>().noalias() = back * Vec<2>(-y.t(1), y.t(0));
+      Sg(2, 2) = 1.0;
+    } else {
+      const Mat<3, 3> J = inverse_right_jacobian<3, double>(phi);
+      S.template bottomRightCorner<3, 3>() = J;
+      for (int k = 0; k < 3; ++k)  // a row of -(back [y.t]x): y.t x back's
+        Sg.template block<1, 3>(k, 3) = y.t.cross(Vec<3>(back.row(k).transpose())).transpose();
+      Sg.template bottomRightCorner<3, 3>().noalias() = J * y.R.transpose();
+    }
+    return r;
+  }
   static Vec<D> position(const Rigid<D>& x) { return x.t; }
   static Mat<D, D> rotation(const Rigid<D>& x) { return x.R; }
 };

@@ -70,24 +70,15 @@ struct RelativeKernel {
       const std::int64_t id = batch.id[k];
       const Rigid<D> from_map = pose(batch.poses, batch.slots[2 * k]).inverse();
       const Value& x = value(batch.values, batch.slots[2 * k + 1]);
-      const Value& z = value(batch.z, id);
-      const Value seen = T::template transform<double>(from_map, x);
-      const Vec<N> r = T::template local<double>(z, seen);
-      const Eigen::Map<const Mat<N, N>> info(batch.info + id * (N * N));
-
-      const Mat<N, N> S = local_jacobian<T>(z, seen);
       Mat<N, N> Jx;
-      if constexpr (T::action == FrameAction::kBody || T::action == FrameAction::kInvariant) {
-        Jx = S;
-      } else {
-        Jx.noalias() = S * frame_jacobian<T>(from_map, x);
-      }
-      Mat<N, G> Ja;
-      Ja.noalias() = -(S * gauge<T>(seen));
-      const Vec<N> weighted = info * r;
-      sum += r.dot(weighted);
-      add(batch.offsets[2 * k], batch.offsets[2 * k + 1], Ja, Jx, Mat<N, N>(info), weighted,
-          target);
+      Mat<N, G> minus_Ja;
+      const Vec<N> r = linearized_local<T>(
+          value(batch.z, id), T::template transform<double>(from_map, x), Jx, minus_Ja);
+      if constexpr (T::action != FrameAction::kBody && T::action != FrameAction::kInvariant)
+        Jx = Mat<N, N>(Jx * frame_jacobian<T>(from_map, x));
+      const Columns J = columns_of(minus_Ja, Jx, r);
+      sum +=
+          add(J, batch.info + id * (N * N), batch.offsets[2 * k], batch.offsets[2 * k + 1], target);
     }
     return sum;
   }
@@ -106,30 +97,53 @@ struct RelativeKernel {
   }
 
  private:
-  template <int Rows, int Cols>
-  using Block = Eigen::Map<Mat<Rows, Cols>, 0, Eigen::OuterStride<>>;
+  static constexpr int W = G + N;                 ///< scalars of the pose and of the variable
+  static constexpr int Padded = (W + 8) / 8 * 8;  ///< with r, to whole vectors
 
-  static void add(std::int64_t at_pose, std::int64_t at_value, const Mat<N, G>& Ja,
-                  const Mat<N, N>& Jx, const Mat<N, N>& info, const Vec<N>& weighted,
-                  const DenseTarget& target) {
-    const Mat<N, G> IJa = info * Ja;
-    const Mat<N, N> IJx = info * Jx;
-    const auto at = [&](std::int64_t row, std::int64_t column) {
-      return target.column(column) + row;
-    };
-    const Eigen::OuterStride<> pose_stride(target.stride(at_pose));
-    const Eigen::OuterStride<> value_stride(target.stride(at_value));
-    Block<G, G>(at(at_pose, at_pose), pose_stride).noalias() += Ja.transpose() * IJa;
-    Block<N, N>(at(at_value, at_value), value_stride).noalias() += Jx.transpose() * IJx;
-    if (at_value > at_pose) {
-      Block<N, G>(at(at_value, at_pose), pose_stride).noalias() += Jx.transpose() * IJa;
-    } else {
-      Block<G, N>(at(at_pose, at_value), value_stride).noalias() += Ja.transpose() * IJx;
+  /// [J_a, J_x, r], row by row, padded with zeros: everything is then one symmetric product of
+  /// loops of fixed length, whatever the type.
+  struct Columns {
+    double v[N][Padded];
+  };
+
+  static Columns columns_of(const Mat<N, G>& minus_Ja, const Mat<N, N>& Jx, const Vec<N>& r) {
+    Columns J = {};
+    for (int i = 0; i < N; ++i) {
+      for (int c = 0; c < G; ++c) J.v[i][c] = -minus_Ja(i, c);
+      for (int c = 0; c < N; ++c) J.v[i][G + c] = Jx(i, c);
+      J.v[i][W] = r(i);
     }
-    const Vec<G> ba = Ja.transpose() * weighted;
-    const Vec<N> bx = Jx.transpose() * weighted;
-    for (int k = 0; k < G; ++k) target.rhs(at_pose + k) -= ba(k);
-    for (int k = 0; k < N; ++k) target.rhs(at_value + k) -= bx(k);
+    return J;
+  }
+
+  /// Adds [J, r]^T I [J, r] to the target, its last column negative. \returns r^T I r.
+  static double add(const Columns& J, const double* info, std::int64_t at_pose,
+                    std::int64_t at_value, const DenseTarget& target) {
+    double IJ[N][Padded] = {};
+    for (int i = 0; i < N; ++i) {
+      for (int l = 0; l < N; ++l) {
+        for (int c = 0; c < Padded; ++c) IJ[i][c] += info[l * N + i] * J.v[l][c];
+      }
+    }
+    const bool value_below = at_value > at_pose;
+    for (int c = 0; c < W; ++c) {
+      double H[Padded] = {};  // column c of the product
+      for (int l = 0; l < N; ++l) {
+        for (int i = 0; i < Padded; ++i) H[i] += IJ[l][c] * J.v[l][i];
+      }
+      double* const column = c < G ? target.column(at_pose) + c * target.stride(at_pose)
+                                   : target.column(at_value) + (c - G) * target.stride(at_value);
+      if (c < G || !value_below) {
+        for (int i = 0; i < G; ++i) column[at_pose + i] += H[i];
+      }
+      if (c >= G || value_below) {
+        for (int i = 0; i < N; ++i) column[at_value + i] += H[G + i];
+      }
+      column[target.rhs_row] -= H[W];
+    }
+    double square = 0.0;
+    for (int l = 0; l < N; ++l) square += J.v[l][W] * IJ[l][W];
+    return square;
   }
 };
 

@@ -48,6 +48,24 @@ S cosc_of_square(const S& q) {
   return (S(1) - cos(x)) / q;
 }
 
+// atan(sqrt(u)) / sqrt(u) for |u| < kSmallSquare, to rounding: no square root, no arc tangent.
+inline constexpr double kSmallSquare = 0.01;
+template <class S>
+S atanc_of_square(const S& u) {
+  S sum(1.0 / 17);
+  for (int k = 15; k >= 1; k -= 2) sum = S(1.0 / k) - u * sum;
+  return sum;
+}
+
+// (1 - h cot h) / (4 h^2) for h^2 = q < kSmallSquare, likewise.
+template <class S>
+S cotc_of_square(const S& q) {
+  return S(1.0 / 12) +
+         q * (S(1.0 / 180) +
+              q * (S(1.0 / 1890) +
+                   q * (S(1.0 / 18900) + q * (S(1.0 / 187110) + q * S(691.0 / 1277025750)))));
+}
+
 // Quaternion (x, y, z, w) of a rotation matrix by the branch that divides by the largest component.
 template <class S>
 Vec<4, S> quaternion_of(const Mat<3, 3, S>& R) {
@@ -107,6 +125,11 @@ Vec<kRotation<D>, S> rotation_log(const Mat<D, D, S>& R) {
   using std::atan2;
   using std::sqrt;
   if constexpr (D == 2) {
+    if (R(0, 0) > 0.0) {
+      const S tangent = R(1, 0) / R(0, 0);
+      const S u = tangent * tangent;
+      if (u < detail::kSmallSquare) return Vec<1, S>(tangent * detail::atanc_of_square(u));
+    }
     return Vec<1, S>(atan2(R(1, 0), R(0, 0)));
   } else {
     const Vec<4, S> q = detail::quaternion_of(R);
@@ -114,10 +137,8 @@ Vec<kRotation<D>, S> rotation_log(const Mat<D, D, S>& R) {
     const Vec<3, S> v =
         q(3) < 0.0 ? Vec<3, S>(-q.template head<3>()) : Vec<3, S>(q.template head<3>());
     const S n2 = v.squaredNorm();
-    if (n2 < 1e-8) {  // 2 atan(n/w)/n by its series
-      const S u = n2 / (w * w);
-      return v * (S(2) / w * (S(1) - u / S(3) + u * u / S(5)));
-    }
+    const S w2 = w * w;
+    if (n2 < detail::kSmallSquare * w2) return v * (S(2) / w * detail::atanc_of_square(S(n2 / w2)));
     const S n = sqrt(n2);
     return v * (S(2) * atan2(n, w) / n);
   }
@@ -133,8 +154,8 @@ Mat<kRotation<D>, kRotation<D>, S> inverse_right_jacobian(const Vec<kRotation<D>
   if constexpr (D == 3) {
     const S q = phi.squaredNorm();
     S c;
-    if (q < 1e-4) {
-      c = S(1.0 / 12) + q / S(720) + q * q / S(30240);
+    if (q < 4 * detail::kSmallSquare) {
+      c = detail::cotc_of_square(S(q * S(0.25)));
     } else {
       const S half = S(0.5) * sqrt(q);
       c = (S(1) - half / tan(half)) / q;

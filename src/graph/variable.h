@@ -43,6 +43,8 @@
 ///     frame_jacobian(T, x) -> dim x dim      D, instead of the derivative by dual numbers
 ///     gauge(x) -> dim x kGauge<ambient>      g, likewise
 ///     local_jacobian(x, y) -> dim x dim      d local(x, retract(y, d)) / dd at d = 0, likewise
+///     linearized_local(x, y, S, Sg) -> Vec<dim>  local, and by reference S = local_jacobian(x, y)
+///                                            and S gauge(y), where together they cost less
 ///     position(x) -> Vec<ambient>            a point that moves with the variable
 ///     rotation(x) -> Mat<ambient, ambient>   an orientation that moves with it
 ///     direction(x) -> Vec<ambient>           a unit vector that turns with it
@@ -160,6 +162,19 @@ Mat<T::dim, T::dim> local_jacobian(const ValueOf<T>& x, const ValueOf<T>& y) {
     return T::local_jacobian(x, y);
   } else {
     return detail::local_jacobian_by_duals<T>(x, y);
+  }
+}
+
+/// local(x, y); sets S = local_jacobian(x, y) and Sg = S gauge(y).
+template <VariableType T>
+Vec<T::dim> linearized_local(const ValueOf<T>& x, const ValueOf<T>& y, Mat<T::dim, T::dim>& S,
+                             Mat<T::dim, kGauge<T::ambient>>& Sg) {
+  if constexpr (requires { T::linearized_local(x, y, S, Sg); }) {
+    return T::linearized_local(x, y, S, Sg);
+  } else {
+    S = local_jacobian<T>(x, y);
+    Sg.noalias() = S * gauge<T>(y);
+    return T::template local<double>(x, y);
   }
 }
 

@@ -19,7 +19,7 @@ std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Safeguards of a join: it is solved again while chi2 ends above this multiple of what the linear
 /// model promised.
-constexpr double kTrust = 1.1;
+constexpr double kTrust = 2.0;
 constexpr int kMostSolves = 8;
 constexpr int kMostHalvings = 10;
 constexpr double kNothing = 1e-14;  // of chi2: what an exact fit leaves
@@ -30,6 +30,7 @@ constexpr std::int64_t kSmallestFile = 256;  // variables of a subtree that a ch
 struct Cut {
   std::int32_t first = 0;
   std::int32_t root = 0;
+  std::int32_t parent = -1;            // the cut that joins this one with others
   std::int64_t variables = 0;          // of the whole subtree
   std::vector<std::int32_t> children;  // cuts below
   std::vector<std::vector<std::int64_t>>
@@ -66,6 +67,7 @@ class TreeCutter {
       cut.first = f + 1 - fronts_below_[at(f)];
       while (!open.empty() && out[at(open.back())].root >= cut.first) {
         cut.children.push_back(open.back());
+        out[at(open.back())].parent = static_cast<std::int32_t>(out.size());
         open.pop_back();
       }
       std::reverse(cut.children.begin(), cut.children.end());
@@ -159,8 +161,9 @@ class EliminationWalk {
   }
 
   JoinedPieces<D> run() {
-    walk_levels(levels(), pool_, options_.progress,
-                [&](int cut, int thread, bool) { do_cut(cut, *desks_[at(thread)]); });
+    walk_forest(tasks(), pool_, options_.progress, [&](int cut, int thread, LoopRunner loop) {
+      do_cut(cut, *desks_[at(thread)], loop);
+    });
     for (const auto& desk : desks_) report_.redone_joins += desk->redone;
     JoinedPieces<D> out;
     for (std::size_t c = 0; c < cuts_.size(); ++c) {  // roots only: the others' were taken
@@ -168,19 +171,20 @@ class EliminationWalk {
     }
     if (out.pieces.size() > 1)
       out.pieces = place(graph_.variables, std::move(out.pieces), desks_[0]->places);
+    FrontalCholesky& cholesky = *desks_[0]->scratch.cholesky;
     for (Piece<D>& piece : out.pieces) {
       if (out.pieces.size() == 1 && piece.size() == graph_.variables.size()) {
         std::sort(piece.observations.begin(), piece.observations.end());
-        for (int s = 0; s < report_.root_solves; ++s) {
-          linear_step(graph_, piece, *system_, desks_[0]->scratch.cholesky, pool_);
-        }
+        for (int s = 0; s < report_.root_solves; ++s)
+          out.promised = linear_step(graph_, piece, *system_, cholesky, pool_).predicted_decrease;
         out.system = std::move(system_);
         continue;
       }
       ObservationSystem<D> system(graph_, piece, rank(), desks_[0]->places);
       for (int s = 0; s < report_.root_solves; ++s)
-        linear_step(graph_, piece, system, desks_[0]->scratch.cholesky, pool_);
+        linear_step(graph_, piece, system, cholesky, pool_);
     }
+    out.cholesky = std::move(desks_[0]->scratch.cholesky);
     return out;
   }
 
@@ -196,39 +200,46 @@ class EliminationWalk {
 
   std::span<const std::int32_t> rank() const { return system_->structure().position; }
 
-  std::vector<std::vector<std::int32_t>> levels() const {
-    std::vector<int> level(cuts_.size(), 0);
-    std::vector<std::vector<std::int32_t>> out;
-    for (std::size_t c = 0; c < cuts_.size(); ++c) {
-      for (const std::int32_t child : cuts_[c].children)
-        level[c] = std::max(level[c], level[at(child)] + 1);
-      if (at(level[c]) >= out.size()) out.resize(at(level[c]) + 1);
-      if (done_[c] == 0) out[at(level[c])].push_back(static_cast<std::int32_t>(c));
+  /// The cuts as work for walk_forest. What a join costs is what its fronts cost, all of them:
+  /// those of the cuts below are computed again.
+  std::vector<FrontTask> tasks() const {
+    const FrontalStructure& structure = system_->structure();
+    std::vector<double> cost_before{0.0};  // per front (+ 1)
+    for (const Front& front : structure.fronts)
+      cost_before.push_back(cost_before.back() +
+                            FrontCostModel()(front.pivot_dim, front.update_dim));
+    std::vector<FrontTask> out(cuts_.size());
+    for (std::size_t c = cuts_.size(); c-- > 0;) {  // parents first
+      const Cut& cut = cuts_[c];
+      out[c].parent = cut.parent;
+      out[c].waits_for = static_cast<std::int32_t>(cut.children.size());
+      out[c].path_cost = cost_before[at(cut.root) + 1] - cost_before[at(cut.first)];
+      if (cut.parent >= 0) out[c].path_cost += out[at(cut.parent)].path_cost;
     }
-    std::erase_if(out, [](const auto& nodes) { return nodes.empty(); });
     return out;
   }
 
   /// One solve of a join, and with safeguards as many as it takes until the linear model keeps what
   /// it promises.
-  bool solve_on_fronts(const Cut& cut, Piece<D>& piece, Desk& desk) {
+  bool solve_on_fronts(const Cut& cut, Piece<D>& piece, Desk& desk, LoopRunner loop) {
     Eigen::VectorXd d;
     const int most = options_.mode == Mode::kOptimal ? kMostSolves : 1;
     for (int solves = 1; solves <= most; ++solves) {
       const auto step =
-          system_->solve_subtree(cut.first, cut.root, piece, desk.places, desk.scratch, d);
+          system_->solve_subtree(cut.first, cut.root, piece, desk.places, desk.scratch, d, loop);
       if (!step) return solves > 1;
       std::vector<std::vector<double>> before;
       if (most > 1) before = piece.data;
       retract(graph_.variables, piece, std::span<const double>(d.data(), at(d.size())));
       if (most == 1) return true;
       const double promised = step->chi2 - step->predicted_decrease;
-      double chi2 = system_->subtree_chi2(cut.first, cut.root, piece, desk.places, desk.scratch);
+      double chi2 =
+          system_->subtree_chi2(cut.first, cut.root, piece, desk.places, desk.scratch, loop);
       for (int halving = 0; chi2 > step->chi2 && halving < kMostHalvings; ++halving) {
         d *= 0.5;
         piece.data = before;
         retract(graph_.variables, piece, std::span<const double>(d.data(), at(d.size())));
-        chi2 = system_->subtree_chi2(cut.first, cut.root, piece, desk.places, desk.scratch);
+        chi2 = system_->subtree_chi2(cut.first, cut.root, piece, desk.places, desk.scratch, loop);
       }
       if (chi2 <= kTrust * promised + 1e-9 * step->chi2 + kNothing) return true;
       if (solves == 1) ++desk.redone;
@@ -236,7 +247,8 @@ class EliminationWalk {
     return true;
   }
 
-  void do_cut(int number, Desk& desk) {
+  void do_cut(int number, Desk& desk, LoopRunner loop) {
+    if (done_[at(number)] != 0) return;
     const Cut& cut = cuts_[at(number)];
     std::vector<Piece<D>> pieces;
     for (const std::int32_t child : cut.children) {
@@ -251,9 +263,9 @@ class EliminationWalk {
     if (system_->structure().fronts[at(cut.root)].parent >= 0) {
       const bool whole = pieces.size() == 1;
       for (Piece<D>& piece : pieces) {
-        if (whole && solve_on_fronts(cut, piece, desk)) continue;
+        if (whole && solve_on_fronts(cut, piece, desk, loop)) continue;
         ObservationSystem<D> system(graph_, piece, rank(), desk.places);
-        linear_step_if_determined(graph_, piece, system, desk.scratch.cholesky, desk.alone);
+        linear_step_if_determined(graph_, piece, system, *desk.scratch.cholesky, desk.alone);
       }
     }
     results_[at(number)] = std::move(pieces);

@@ -9,12 +9,13 @@
 
 namespace mapjoin {
 
-/// The pieces at the root of a join, and where there is only one, the system of its last solve,
-/// ready for more.
+/// The pieces at the root of a join, and what its last solve leaves for those that follow.
 template <int D>
 struct JoinedPieces {
   std::vector<Piece<D>> pieces;
-  std::unique_ptr<ObservationSystem<D>> system;
+  std::unique_ptr<ObservationSystem<D>> system;  ///< where there is one piece only: ready for more
+  std::unique_ptr<FrontalCholesky> cholesky;     ///< its memory; may be null
+  double promised = -1.0;  ///< decrease of chi2 that the last solve of a single piece promised
 };
 
 /// The observing join along the elimination tree: the same fronts serve the join tree and every

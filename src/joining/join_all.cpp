@@ -18,9 +18,8 @@ namespace mapjoin {
 
 namespace {
 
-/// A step that promises less than this part of chi2 is the last. Gauss-Newton has then converged
-/// far below 1e-6.
-constexpr double kRefineTolerance = 1e-9;
+/// Of chi2: what may be left above the minimum, by an estimate that is rather too large.
+constexpr double kRefineTolerance = 2e-8;
 
 void check(const JoinOptions& options) {
   if (options.threads < 1) throw InputError("threads must be at least 1");
@@ -62,6 +61,17 @@ Anchor<D> into_lowest_pose(const VariableSet<D>& all, Piece<D>& piece) {
   return anchor;
 }
 
+/// What a map keeps: all of the graph where it is the only one.
+template <int D>
+std::shared_ptr<const MeasurementGraph<D>> kept_observations(
+    const MeasurementGraph<D>& graph, const Piece<D>& piece, bool all,
+    const std::shared_ptr<const MeasurementGraph<D>>& shared) {
+  if (all && shared != nullptr) return shared;
+  if (all) return std::make_shared<const MeasurementGraph<D>>(graph);
+  return std::make_shared<const MeasurementGraph<D>>(
+      subgraph(graph, std::span<const std::int64_t>(piece.observations)));
+}
+
 template <int D>
 JoinedPieces<D> join_pieces(const MeasurementGraph<D>& graph, std::span<const Key> order,
                             const JoinOptions& options, WorkerPool& pool, JoinReport& report) {
@@ -70,7 +80,9 @@ JoinedPieces<D> join_pieces(const MeasurementGraph<D>& graph, std::span<const Ke
   }
   const JoinTree tree = make_tree(graph, order, options);
   report.joins = tree.joins();
-  return {observing_join(graph, tree, options, pool, report), nullptr};
+  JoinedPieces<D> out;
+  out.pieces = observing_join(graph, tree, options, pool, report);
+  return out;
 }
 
 /// The same with measurements from the world that cannot place a pose: the others are joined, then
@@ -104,14 +116,17 @@ JoinedPieces<D> join_pieces_in_world(const MeasurementGraph<D>& graph,
     FrontalCholesky cholesky;
     for (int k = 0; k < report.root_solves; ++k) linear_step(graph, piece, system, cholesky, pool);
   }
-  return {std::move(pieces), nullptr};
+  JoinedPieces<D> out;
+  out.pieces = std::move(pieces);
+  return out;
 }
 
 /// Joins a graph whose local maps come in a given order (first keys of their anchors; empty:
-/// ascending).
+/// ascending). `shared` holds the graph, where it is for the result to keep.
 template <int D>
 JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key> order,
-                           const JoinOptions& options) {
+                           const JoinOptions& options,
+                           std::shared_ptr<const MeasurementGraph<D>> shared = nullptr) {
   check(options);
   if (graph.size() == 0) throw InputError("there are no measurements: nothing to join");
   const std::vector<std::int64_t> partial = partial_world_measurements(graph);
@@ -136,28 +151,30 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
   report.components = static_cast<int>(pieces.size());
 
   Places places(graph.variables.size());
-  const auto whole = std::make_shared<const MeasurementGraph<D>>(
-      pieces.size() == 1 ? graph : MeasurementGraph<D>());
   for (Piece<D>& piece : pieces) {
     std::unique_ptr<ObservationSystem<D>> planned = std::move(joined.system);
     if (planned == nullptr)
       planned = std::make_unique<ObservationSystem<D>>(graph, piece,
                                                        std::span<const std::int32_t>(), places);
     ObservationSystem<D>& system = *planned;
-    const double linear = system.chi2(piece, pool);
-    report.chi2_linear += linear;
     if (options.mode == Mode::kOptimal) {
       const auto refine_start = Clock::now();
-      FrontalCholesky cholesky({.residence = factor_residence(options, system.statistics(), 1)});
+      if (joined.cholesky == nullptr) {
+        joined.cholesky = std::make_unique<FrontalCholesky>(
+            FactorOptions{.residence = factor_residence(options, system.statistics(), 1)});
+      }
       const RefineResult refined =
-          refine(graph, piece, system, cholesky, pool, options.max_refine_solves, kRefineTolerance,
-                 options.progress);
+          refine(graph, piece, system, *joined.cholesky, pool, options.max_refine_solves,
+                 kRefineTolerance, options.progress, joined.promised);
+      report.chi2_linear += refined.chi2_before;
       report.chi2 += refined.chi2;
       report.refine_solves = std::max(report.refine_solves, refined.solves);
       report.redone_joins += refined.shortened;
       report.minimum = report.minimum && refined.minimum;
       report.seconds_refine += seconds_since(refine_start);
     } else {
+      const double linear = system.chi2(piece, pool);
+      report.chi2_linear += linear;
       report.chi2 += linear;
     }
     Map<D> map;
@@ -166,10 +183,7 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
     map.values = to_values(graph.variables, piece);
     if (options.information) map.information = system.information(piece);
     std::sort(piece.observations.begin(), piece.observations.end());
-    map.observations = pieces.size() == 1
-                           ? whole
-                           : std::make_shared<const MeasurementGraph<D>>(subgraph(
-                                 graph, std::span<const std::int64_t>(piece.observations)));
+    map.observations = kept_observations(graph, piece, pieces.size() == 1, shared);
     if (map.anchor.keys.empty()) {
       map = into_points(std::move(map), report);
       map.solved_in = map.anchor;  // the system has no gauge: any frame is as good
@@ -187,11 +201,25 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
   return result;
 }
 
+/// A graph that is nobody else's.
+template <int D>
+JoinResult<D> join_ordered(MeasurementGraphBuilder<D> builder, std::span<const Key> order,
+                           const JoinOptions& options) {
+  const auto graph = std::make_shared<const MeasurementGraph<D>>(std::move(builder).build());
+  return join_ordered(*graph, order, options, graph);
+}
+
 }  // namespace
 
 template <int D>
 JoinResult<D> join_all(const MeasurementGraph<D>& graph, const JoinOptions& options) {
   return join_ordered(graph, {}, options);
+}
+
+template <int D>
+JoinResult<D> join_all(std::shared_ptr<const MeasurementGraph<D>> graph,
+                       const JoinOptions& options) {
+  return join_ordered(*graph, {}, options, graph);
 }
 
 template <int D>
@@ -203,7 +231,7 @@ JoinResult<D> join_all(std::span<const LocalMap<D>> local_maps, const JoinOption
     builder.add(map);
     order.push_back(map.anchor.keys.at(0));
   }
-  return join_ordered(std::move(builder).build(), order, options);
+  return join_ordered(std::move(builder), order, options);
 }
 
 template <int D>
@@ -224,7 +252,7 @@ JoinResult<D> join_all(std::span<const Map<D>> maps, const MeasurementGraph<D>& 
     }
   }
   builder.add(links);
-  JoinResult<D> result = join_ordered(std::move(builder).build(), {}, options);
+  JoinResult<D> result = join_ordered(std::move(builder), {}, options);
   if (summaries > 0) {
     result.report.notes.push_back(
         fmt::format("{} of {} maps carry no observations and count as one observation each",
@@ -235,6 +263,8 @@ JoinResult<D> join_all(std::span<const Map<D>> maps, const MeasurementGraph<D>& 
 
 #define MAPJOIN_INSTANTIATE(D)                                                            \
   template JoinResult<D> join_all<D>(const MeasurementGraph<D>&, const JoinOptions&);     \
+  template JoinResult<D> join_all<D>(std::shared_ptr<const MeasurementGraph<D>>,          \
+                                     const JoinOptions&);                                 \
   template JoinResult<D> join_all<D>(std::span<const LocalMap<D>>, const JoinOptions&);   \
   template JoinResult<D> join_all<D>(std::span<const Map<D>>, const MeasurementGraph<D>&, \
                                      const JoinOptions&);

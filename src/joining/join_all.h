@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <span>
 
 #include "mapjoin/joining/options.h"
@@ -17,6 +18,11 @@ namespace mapjoin {
 /// different calls; `graph` is only read.
 template <int D>
 JoinResult<D> join_all(const MeasurementGraph<D>& graph, const JoinOptions& options = {});
+
+/// The same without a copy: a single piece's map keeps `graph` itself as its observations.
+template <int D>
+JoinResult<D> join_all(std::shared_ptr<const MeasurementGraph<D>> graph,
+                       const JoinOptions& options = {});
 
 /// Joins a set of local maps, in their given order where the mode or the tree asks for one.
 template <int D>

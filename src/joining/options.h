@@ -49,7 +49,7 @@ struct JoinOptions {
   Strategy strategy = Strategy::kDivideAndConquer;
   int threads = 1;          ///< results are the same bits for any number
   int leaf_variables = 32;  ///< variables a leaf of the graph tree holds, about
-  int arity = 4;            ///< maps joined at once in the graph tree
+  int arity = 16;           ///< maps joined at once in the graph tree
   int root_solves = 0;      ///< linear solves at the root; 0: the mode's own (paper and summary 1,
                             ///< observe and optimal 2)
   int max_refine_solves = 100;
@@ -76,7 +76,7 @@ struct JoinReport {
   int joins = 0;
   int redone_joins = 0;   ///< joins that a safeguard solved once more or in smaller steps
   int resumed_joins = 0;  ///< joins that were found in the checkpoint
-  bool minimum = true;    ///< optimal mode: the end is a minimum (the gradient vanishes)
+  bool minimum = true;    ///< optimal mode: the end is a minimum, to less than 1e-6 of chi2
   std::int64_t poses = 0;
   std::int64_t features = 0;  ///< variables that are no poses
   std::int64_t observations = 0;

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "mapjoin/graph/error.h"
 
@@ -27,6 +29,13 @@ typename ObservationSystem<D>::Step solve(const MeasurementGraph<D>& graph, cons
   if (!step.ok()) throw_singular(graph, step.failed);
   if (!d.allFinite()) throw_singular(graph, piece.variables[0]);
   return step;
+}
+
+/// What a whole step leaves above the minimum; see refine.
+double remainder(double decrease, double promised, double promised_before) {
+  if (promised >= promised_before) return std::numeric_limits<double>::infinity();
+  const double rate = promised / promised_before;  // m^2
+  return std::max(std::abs(decrease - promised), promised * rate) / (1.0 - std::sqrt(rate));
 }
 
 }  // namespace
@@ -55,9 +64,10 @@ void linear_step_if_determined(const MeasurementGraph<D>& graph, Piece<D>& piece
 template <int D>
 RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, ObservationSystem<D>& system,
                     FrontalCholesky& cholesky, WorkerPool& pool, int most_solves, double tolerance,
-                    const ProgressCallback& progress) {
+                    const ProgressCallback& progress, double promised_before) {
   constexpr int kHalvings = 30;
   constexpr double kRounding = 1e-14;  // of chi2: an exact fit ends at rounding errors
+  constexpr double kNothing = 0.01;    // of the tolerance: so small a promise needs no second look
   RefineResult result;
   Eigen::VectorXd d;
   std::vector<std::vector<double>> before;
@@ -66,8 +76,10 @@ RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, Observati
       throw CancelledError("cancelled while refining");
     }
     const auto step = solve(graph, piece, system, cholesky, pool, d);
-    ++result.solves;
-    const bool last = step.predicted_decrease <= std::max(tolerance * step.chi2, kRounding);
+    if (result.solves++ == 0) result.chi2_before = step.chi2;
+    const double promised = step.predicted_decrease;
+    const double enough = std::max(tolerance * step.chi2, kRounding);
+    const bool last = promised <= std::max(kNothing * enough, kRounding);
     before = piece.data;
     double length = 1.0;
     for (int halving = 0;; ++halving) {
@@ -83,11 +95,14 @@ RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, Observati
       d *= 0.5;
       if (halving == 0) ++result.shortened;
     }
-    if (last) {
+    const bool whole = length == 1.0;
+    if (last ||
+        (whole && remainder(step.chi2 - result.chi2, promised, promised_before) <= enough)) {
       result.minimum = true;
       break;
     }
     if (length < 1e-8) break;
+    promised_before = whole ? promised : -1.0;
   }
   return result;
 }
@@ -95,7 +110,7 @@ RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, Observati
 #define MAPJOIN_INSTANTIATE(D)                                                                  \
   template RefineResult refine<D>(const MeasurementGraph<D>&, Piece<D>&, ObservationSystem<D>&, \
                                   FrontalCholesky&, WorkerPool&, int, double,                   \
-                                  const ProgressCallback&);                                     \
+                                  const ProgressCallback&, double);                             \
   template ObservationSystem<D>::Step linear_step<D>(const MeasurementGraph<D>&, Piece<D>&,     \
                                                      ObservationSystem<D>&, FrontalCholesky&,   \
                                                      WorkerPool&);                              \

@@ -2,11 +2,13 @@
 
 #include <atomic>
 #include <exception>
+#include <span>
 #include <vector>
 
 #include "mapjoin/graph/error.h"
 #include "mapjoin/joining/join_tree.h"
 #include "mapjoin/joining/options.h"
+#include "mapjoin/solvers/tree_scheduler.h"
 #include "mapjoin/solvers/worker_pool.h"
 
 namespace mapjoin {
@@ -25,6 +27,60 @@ template <class DoNode>
 void walk_tree(const JoinTree& tree, WorkerPool& pool, const ProgressCallback& progress,
                DoNode&& do_node) {
   walk_levels(tree.levels(), pool, progress, do_node);
+}
+
+/// Does every node of a forest (children before parents) as soon as its children are done:
+/// do_node(node, thread, loop), where `loop` spreads an inner loop over threads that have nothing
+/// else to do (LoopRunner).
+///
+/// Of what is ready, the node with the longest path to a root comes first. Of the exceptions that
+/// nodes throw, the one of the lowest node is thrown on; what lies above such a node is left out.
+/// \throws CancelledError when the progress callback says so.
+template <class DoNode>
+void walk_forest(std::span<const FrontTask> nodes, WorkerPool& pool,
+                 const ProgressCallback& progress, DoNode&& do_node) {
+  std::vector<std::exception_ptr> errors(nodes.size());
+  std::vector<std::atomic<bool>> left_out(nodes.size());
+  std::exception_ptr interruption;  // of the calling thread, which is thread 0
+  std::atomic<bool> stop = false;
+  std::atomic<std::size_t> done = 0;
+  const auto report_progress = [&] {
+    try {
+      const double fraction = static_cast<double>(done) / static_cast<double>(nodes.size());
+      if (!progress({"join", fraction})) throw CancelledError("cancelled while joining");
+    } catch (...) {
+      interruption = std::current_exception();
+      stop = true;
+    }
+  };
+  const auto visit = [&](int node, int thread, LoopRunner loop) {
+    if (progress && thread == 0 && !stop) report_progress();
+    const auto n = static_cast<std::size_t>(node);
+    if (!stop && !left_out[n]) {
+      try {
+        do_node(node, thread, loop);
+      } catch (...) {
+        errors[n] = std::current_exception();
+        left_out[n] = true;
+      }
+    }
+    const std::int32_t parent = nodes[n].parent;
+    if (parent >= 0 && left_out[n]) left_out[static_cast<std::size_t>(parent)] = true;
+    ++done;
+  };
+  if (pool.threads() == 1) {
+    for (std::size_t n = 0; n < nodes.size(); ++n) visit(static_cast<int>(n), 0, {});
+  } else {
+    TreeScheduler scheduler;
+    scheduler.reset(nodes, pool.threads());
+    pool.run([&](int thread) {
+      scheduler.work(thread, [&](int node, LoopRunner loop) { visit(node, thread, loop); });
+    });
+  }
+  if (interruption) std::rethrow_exception(interruption);
+  for (const std::exception_ptr& error : errors) {
+    if (error) std::rethrow_exception(error);
+  }
 }
 
 template <class DoNode>

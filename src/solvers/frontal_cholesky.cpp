@@ -82,9 +82,9 @@ void FrontalCholesky::give_back_updates(Index front) {
 }
 
 FactorStatus FrontalCholesky::factorize_subtree(const FrontalStructure& structure, Index first,
-                                                Index root, Assembler assemble) {
+                                                Index root, Assembler assemble, LoopRunner loop) {
   require_memory(structure, structure.fronts[first].panel, end_of_panel(structure.fronts[root]), 1);
-  factor_fronts(first, root + 1, assemble, scratch_.data(), {});
+  factor_fronts(first, root + 1, assemble, scratch_.data(), loop);
   return status();
 }
 

@@ -99,16 +99,16 @@ class FrontalCholesky {
 
   /// Factors a whole subtree only: the fronts first .. root, `root` being its root. What is left of
   /// H and b for the update variables of `root` stays in the workspace, for close_subtree, which
-  /// has to follow.
+  /// has to follow. `loop` may spread the loops inside large fronts.
   template <class Assemble>
   FactorStatus factorize_subtree(const FrontalStructure& structure, std::int32_t first,
-                                 std::int32_t root, Assemble&& assemble) {
+                                 std::int32_t root, Assemble&& assemble, LoopRunner loop = {}) {
     using Type = std::remove_reference_t<Assemble>;
     const auto call = [](const void* object, std::int32_t front, const FrontView& view) {
       (*static_cast<Type*>(const_cast<void*>(object)))(front, view);
     };
     return factorize_subtree(structure, first, root,
-                             Assembler{.call = call, .object = std::addressof(assemble)});
+                             Assembler{.call = call, .object = std::addressof(assemble)}, loop);
   }
 
   /// Solves for the update variables of a factored subtree's root, with the given of their scalars
@@ -141,7 +141,7 @@ class FrontalCholesky {
 
   FactorStatus factorize(const FrontalStructure& structure, Assembler assemble, WorkerPool& pool);
   FactorStatus factorize_subtree(const FrontalStructure& structure, std::int32_t first,
-                                 std::int32_t root, Assembler assemble);
+                                 std::int32_t root, Assembler assemble, LoopRunner loop);
   FactorStatus status() const;
   void require_memory(const FrontalStructure& structure, std::int64_t first_panel,
                       std::int64_t end_panel, int threads);

@@ -14,6 +14,37 @@ std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 constexpr std::int64_t kChunk = 1024;  // measurements a task of chi2 takes: fixed, so that sums are
 
+/// Runs body(i) for i = 0 .. count - 1, spread by `loop`.
+template <class Body>
+void for_each(int count, LoopRunner loop, Body&& body) {
+  if (loop.run == nullptr || count < 2) {
+    for (int i = 0; i < count; ++i) body(i);
+    return;
+  }
+  using Type = std::remove_reference_t<Body>;
+  loop.run(loop.runner, count, &body,
+           [](void* object, int i) { (*static_cast<Type*>(object))(i); });
+}
+
+/// r^T I r of a batch, summed chunk by chunk whoever computes them.
+template <int D>
+double chi2_in_chunks(const VariableKind<D>& kind, const RelativeBatch<D>& batch,
+                      std::vector<double>& parts, LoopRunner loop) {
+  const auto size = static_cast<std::int64_t>(batch.size);
+  parts.assign(at((size + kChunk - 1) / kChunk), 0.0);
+  for_each(static_cast<int>(parts.size()), loop, [&](int c) {
+    const std::int64_t first = c * kChunk;
+    RelativeBatch<D> part = batch;
+    part.size = at(std::min(kChunk, size - first));
+    part.id += first;
+    part.slots += 2 * first;
+    parts[at(c)] = kind.chi2_relative(part);
+  });
+  double sum = 0.0;
+  for (const double p : parts) sum += p;
+  return sum;
+}
+
 DenseTarget target_of(const FrontView& view) {
   return {view.panel(),         view.stride(), view.pivot_dim(), view.column(view.pivot_dim()),
           view.update_stride(), view.rows()};
@@ -281,7 +312,8 @@ void ObservationSystem<D>::find_slots(std::int32_t first, std::int32_t root, con
 template <int D>
 auto ObservationSystem<D>::solve_subtree(std::int32_t first, std::int32_t root, const Piece<D>& sub,
                                          Places& places, SubtreeScratch& scratch,
-                                         Eigen::VectorXd& increment) -> std::optional<Step> {
+                                         Eigen::VectorXd& increment, LoopRunner loop)
+    -> std::optional<Step> {
   places.mark(sub.variables);
   const std::vector<std::int32_t> held = held_rows(root, sub, places);
   Step step;
@@ -302,9 +334,9 @@ auto ObservationSystem<D>::solve_subtree(std::int32_t first, std::int32_t root, 
         step.chi2 += assemble_submaps(front, target, sub, &places);
     };
     scratch.by_position.resize(at(structure_.statistics.scalars));
-    solved = scratch.cholesky.factorize_subtree(structure_, first, root, assembler).ok() &&
-             scratch.cholesky.close_subtree(first, root, held, scratch.by_position,
-                                            step.predicted_decrease);
+    solved = scratch.cholesky->factorize_subtree(structure_, first, root, assembler, loop).ok() &&
+             scratch.cholesky->close_subtree(first, root, held, scratch.by_position,
+                                             step.predicted_decrease);
   }
   if (solved) {
     std::int64_t total = 0;
@@ -327,7 +359,7 @@ auto ObservationSystem<D>::solve_subtree(std::int32_t first, std::int32_t root, 
 template <int D>
 double ObservationSystem<D>::subtree_chi2(std::int32_t first, std::int32_t root,
                                           const Piece<D>& sub, Places& places,
-                                          SubtreeScratch& scratch) const {
+                                          SubtreeScratch& scratch, LoopRunner loop) const {
   places.mark(sub.variables);
   find_slots(first, root, sub, places, scratch);
   double sum = 0.0;
@@ -335,7 +367,7 @@ double ObservationSystem<D>::subtree_chi2(std::int32_t first, std::int32_t root,
     const Relative& group = relative_[r];
     RelativeBatch<D> part = batch(group, sub, group.front[at(first)], group.front[at(root) + 1]);
     part.slots = scratch.slots[r].data();
-    sum += group.measurements->kind->chi2_relative(part);
+    sum += chi2_in_chunks<D>(*group.measurements->kind, part, scratch.parts, loop);
   }
   SubmapScratch submap;
   for (std::int64_t s = submap_front_[at(first)]; s < submap_front_[at(root) + 1]; ++s) {

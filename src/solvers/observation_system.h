@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -16,10 +17,12 @@ namespace mapjoin {
 
 /// Buffers of ObservationSystem::solve_subtree, one for each thread.
 struct SubtreeScratch {
-  explicit SubtreeScratch(const FactorOptions& options = {}) : cholesky(options) {}
-  FrontalCholesky cholesky;
+  explicit SubtreeScratch(const FactorOptions& options = {})
+      : cholesky(std::make_unique<FrontalCholesky>(options)) {}
+  std::unique_ptr<FrontalCholesky> cholesky;
   std::vector<double> by_position;
   std::vector<std::vector<std::int32_t>> slots;  ///< per type of measurement
+  std::vector<double> parts;                     ///< of a sum
 };
 
 /// The linear least squares problem of one join: all observations of a piece, linearised where its
@@ -56,13 +59,14 @@ class ObservationSystem {
   /// just these variables, this system's piece all variables of the graph. No new plan is made: the
   /// fronts are those of the whole. Nothing is returned when that cannot be done on the fronts
   /// alone (the shared variables do not fix a frame, or some variable is not determined): then plan
-  /// a system of its own. `increment` becomes d, in the order of sub's variables.
+  /// a system of its own. `increment` becomes d, in the order of sub's variables. Loops inside
+  /// large fronts are spread by `loop`; the bits are the same with it or without.
   std::optional<Step> solve_subtree(std::int32_t first, std::int32_t root, const Piece<D>& sub,
                                     Places& places, SubtreeScratch& scratch,
-                                    Eigen::VectorXd& increment);
+                                    Eigen::VectorXd& increment, LoopRunner loop = {});
   /// The sum of r^T I r over the same observations, at the values of `sub`.
   double subtree_chi2(std::int32_t first, std::int32_t root, const Piece<D>& sub, Places& places,
-                      SubtreeScratch& scratch) const;
+                      SubtreeScratch& scratch, LoopRunner loop = {}) const;
 
   const FrontalStructure& structure() const { return structure_; }
 

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <vector>
 
+#include "mapjoin/graph/builtin_types.h"
 #include "mapjoin/graph/dual.h"
 #include "mapjoin/graph/rigid.h"
 #include "tests/support/random_maps.h"
@@ -21,11 +22,12 @@ Eigen::Vector3d random_axis(Dice& dice) {
   return Eigen::Vector3d(dice.normal(), dice.normal(), dice.normal()).normalized();
 }
 
-// From far below the switch of the series to just below and at a half turn.
-const std::vector<double> kAngles{0.0,       1e-300,    1e-20,     1e-12,      1e-9,   1e-8,
-                                  1e-7,      9e-5,      1.1e-4,    1e-3,       9.9e-4, 2e-4,
-                                  1e-2,      0.1,       1.0,       2.0,        3.0,    pi / 2,
-                                  pi - 1e-3, pi - 1e-6, pi - 1e-9, pi - 1e-12, 3.14};
+// From far below the switches of the series (0.0997 in the plane, twice that in space) to just
+// below and at a half turn.
+const std::vector<double> kAngles{
+    0.0,       1e-300,    1e-20,     1e-12,      1e-9, 1e-8,   1e-7,   9e-5,   1.1e-4,
+    1e-3,      9.9e-4,    2e-4,      1e-2,       0.1,  1.0,    2.0,    3.0,    pi / 2,
+    pi - 1e-3, pi - 1e-6, pi - 1e-9, pi - 1e-12, 3.14, 0.0996, 0.0997, 0.1993, 0.1994};
 
 TEST(RotationExp, IsTheRotationByAnAngleAboutAnAxis) {
   Dice dice(1);
@@ -171,6 +173,29 @@ TEST(Dual, DifferentiatesEveryFunctionItOffers) {
           return w;
         },
         x);
+  }
+}
+
+template <int D>
+void expect_what_three_calls_say(Dice& dice, double turn) {
+  using Pose = PoseType<D>;
+  const Rigid<D> x = test::random_pose<D>(dice);
+  const Rigid<D> y = x * test::random_pose<D>(dice, 1.0, turn);
+  Mat<Pose::dim, Pose::dim> S, Sg;
+  const Vec<Pose::dim> r = Pose::linearized_local(x, y, S, Sg);
+  EXPECT_LT((r - Pose::template local<double>(x, y)).norm(), 1e-13);
+  EXPECT_LT((S - Pose::local_jacobian(x, y)).norm(), 1e-13);
+  EXPECT_LT((S - detail::local_jacobian_by_duals<Pose>(x, y)).norm(), 1e-12);
+  EXPECT_LT((Sg - Pose::local_jacobian(x, y) * Pose::gauge(y)).norm(), 1e-12);
+}
+
+TEST(Pose, LinearizesALocalAsItsThreePartsDo) {
+  Dice dice(9);
+  for (const double turn : {0.0, 1e-6, 0.05, 0.2, 0.5, 3.0}) {
+    for (int k = 0; k < 20; ++k) {
+      expect_what_three_calls_say<2>(dice, turn);
+      expect_what_three_calls_say<3>(dice, turn);
+    }
   }
 }
 

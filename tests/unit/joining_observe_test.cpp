@@ -52,7 +52,8 @@ void expect_optimum(const MeasurementGraph<D>& graph, const Values<D>& best,
   EXPECT_NEAR(CeresReference<D>(graph).chi2(result.maps[0].values), result.report.chi2,
               1e-8 * (1e-3 + chi2_best));
   EXPECT_NEAR(chi2(result.maps[0].values, graph), result.report.chi2, 1e-8 * (1e-3 + chi2_best));
-  EXPECT_LT(distance(result.maps[0].values, best), 1e-4);
+  // 2e-8 of a chi2 of some hundreds are a few thousandths of a standard deviation, of 0.05 or more.
+  EXPECT_LT(distance(result.maps[0].values, best), 2e-4);
   EXPECT_TRUE(result.report.minimum);
 }
 
