@@ -10,6 +10,7 @@
 #include <string>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/joining/report.h"
 
 namespace mapjoin {
 
@@ -152,7 +153,7 @@ std::uint64_t fingerprint(const MeasurementGraph<D>& graph, const JoinOptions& o
   for (const std::int64_t option :
        {static_cast<std::int64_t>(D), static_cast<std::int64_t>(options.mode),
         static_cast<std::int64_t>(options.leaf_variables),
-        static_cast<std::int64_t>(options.arity)}) {
+        static_cast<std::int64_t>(arity_of(options))}) {
     hash.add(static_cast<std::uint64_t>(option));
   }
   return hash.value();

@@ -9,6 +9,7 @@
 #include "mapjoin/joining/memory_limit.h"
 #include "mapjoin/joining/place.h"
 #include "mapjoin/joining/refine.h"
+#include "mapjoin/joining/report.h"
 #include "mapjoin/joining/tree_walk.h"
 
 namespace mapjoin {
@@ -148,8 +149,9 @@ class EliminationWalk {
     system_ = std::make_unique<ObservationSystem<D>>(graph, everything(graph),
                                                      std::span<const std::int32_t>(), places);
     const auto observations = static_cast<std::int64_t>(graph.size());
-    cuts_ = TreeCutter(system_->structure(), observations, options.leaf_variables, options.arity)
-                .cuts();
+    cuts_ =
+        TreeCutter(system_->structure(), observations, options.leaf_variables, arity_of(options))
+            .cuts();
     results_.resize(cuts_.size());
     const FactorResidence residence =
         factor_residence(options, system_->statistics(), pool.threads());

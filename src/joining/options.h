@@ -49,7 +49,8 @@ struct JoinOptions {
   Strategy strategy = Strategy::kDivideAndConquer;
   int threads = 1;          ///< results are the same bits for any number
   int leaf_variables = 32;  ///< variables a leaf of the graph tree holds, about
-  int arity = 16;           ///< maps joined at once in the graph tree
+  int arity = 0;            ///< maps joined at once in the graph tree; 0: the mode's own (summary
+                            ///< 4, observe and optimal 16)
   int root_solves = 0;      ///< linear solves at the root; 0: the mode's own (paper and summary 1,
                             ///< observe and optimal 2)
   int max_refine_solves = 100;

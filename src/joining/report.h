@@ -20,6 +20,13 @@ inline double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
+/// How many maps a graph tree joins at once. Wide joins are quick; but what a join of summaries
+/// moves is carried on with the old information, so there fewer at a time are better.
+inline int arity_of(const JoinOptions& options) {
+  if (options.arity > 0) return options.arity;
+  return options.mode == Mode::kSummary ? 4 : 16;
+}
+
 /// Fills in what a report says of its input.
 template <int D>
 void count_variables(const MeasurementGraph<D>& graph, JoinReport& report) {

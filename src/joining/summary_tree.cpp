@@ -234,7 +234,7 @@ JoinTree summary_tree(const MeasurementGraph<D>& graph, std::span<const Key> ord
                       const JoinOptions& options) {
   if (options.mode == Mode::kSummary && options.tree == TreeShape::kGraph &&
       options.strategy == Strategy::kDivideAndConquer) {
-    return graph_tree(graph, options.leaf_variables, options.arity);
+    return graph_tree(graph, options.leaf_variables, arity_of(options));
   }
   const auto maps = local_maps_of(graph, order);
   return options.strategy == Strategy::kSequential ? sequential_tree(maps)
@@ -359,7 +359,7 @@ JoinResult<D> join_by_summaries(std::span<const Map<D>> maps, const MeasurementG
   const bool wide = options.mode == Mode::kSummary && options.tree == TreeShape::kGraph;
   const JoinTree tree = options.strategy == Strategy::kSequential
                             ? sequential_tree(leaves)
-                            : divide_and_conquer_tree(leaves, wide ? options.arity : 2);
+                            : divide_and_conquer_tree(leaves, wide ? arity_of(options) : 2);
   const auto leaf = [&](int node, SummaryDesk& desk) -> std::vector<Started<D>> {
     if (at(node) < maps.size()) {
       const Map<D>& map = maps[at(node)];

@@ -48,12 +48,13 @@ void expect_optimum(const MeasurementGraph<D>& graph, const Values<D>& best,
                     const JoinResult<D>& result) {
   ASSERT_EQ(result.maps.size(), 1U);
   const double chi2_best = CeresReference<D>(graph).chi2(best);
-  EXPECT_NEAR(result.report.chi2, chi2_best, 1e-6 * (1e-3 + chi2_best));
+  EXPECT_NEAR(result.report.chi2, chi2_best, 1e-7 * (1e-3 + chi2_best));
   EXPECT_NEAR(CeresReference<D>(graph).chi2(result.maps[0].values), result.report.chi2,
               1e-8 * (1e-3 + chi2_best));
   EXPECT_NEAR(chi2(result.maps[0].values, graph), result.report.chi2, 1e-8 * (1e-3 + chi2_best));
-  // 2e-8 of a chi2 of some hundreds are a few thousandths of a standard deviation, of 0.05 or more.
-  EXPECT_LT(distance(result.maps[0].values, best), 2e-4);
+  // 2e-8 of a chi2 of some hundreds, where the refinement may stop, are some thousandths of a
+  // standard deviation; and those are up to 0.3 here.
+  EXPECT_LT(distance(result.maps[0].values, best), 2e-3);
   EXPECT_TRUE(result.report.minimum);
 }
 
