@@ -190,6 +190,11 @@ class Report:
         self.sections.append(f"\n## {item}. {title}\n\n{promise}\n")
         print(f"{item}. {title}", file=sys.stderr, flush=True)
 
+    def append(self, other):
+        self.sections += other.sections
+        self.verdicts += other.verdicts
+        self.misses += other.misses
+
     def say(self, text):
         self.sections.append("\n" + text + "\n")
 
@@ -784,9 +789,13 @@ def main():
         bench.unpack()
         if not wanted or 3 in wanted:
             bench.start_sequential(options.limit)
-        for k, section in enumerate(SECTIONS, 1):
-            if not wanted or k in wanted:
-                section(bench, report, options)
+        chosen = [k for k in range(1, len(SECTIONS) + 1) if not wanted or k in wanted]
+        parts = {}
+        for k in sorted(chosen, key=lambda k: k == 3):  # the last one waits for the slow runs
+            parts[k] = Report()
+            SECTIONS[k - 1](bench, parts[k], options)
+        for k in chosen:
+            report.append(parts[k])
         text = page(report, bench, options, time.monotonic() - start)
     output = options.output
     if output is None and not options.quick and not wanted:

@@ -172,7 +172,9 @@ TYPED_TEST(FeaturesOnly, PublishedJoinIsTheDenseFormulaInTheFrameOfCommonPoints)
   constexpr int D = TypeParam::value;
   for (const int common : {D, D + 2}) {
     Dice dice(5);
-    const auto [a, b] = two_maps<D>(dice, common, 0.5);
+    const auto pair = two_maps<D>(dice, common, 0.5);
+    const Map<D>& a = pair.first;
+    const Map<D>& b = pair.second;
     const auto first = static_cast<std::uint64_t>(8 - common);
     const Anchor<D> frame = points_of<D>({first, first + 1, first + 2});
     const Map<D> joined = join_as_published(a, b, frame);
@@ -213,7 +215,9 @@ TYPED_TEST(FeaturesOnly, PublishedJoinIsTheDenseFormulaInTheFrameOfCommonPoints)
 TYPED_TEST(FeaturesOnly, PublishedJoinIsTheMinimiserOfItsObjective) {
   constexpr int D = TypeParam::value;
   Dice dice(6);
-  const auto [a, b] = two_maps<D>(dice, D + 1, 0.5);
+  const auto pair = two_maps<D>(dice, D + 1, 0.5);
+  const Map<D>& a = pair.first;
+  const Map<D>& b = pair.second;
   const Map<D>* const maps[] = {&a, &b};
   const auto chosen = common_points<D>(maps);
   ASSERT_TRUE(chosen.has_value());
@@ -233,7 +237,9 @@ TYPED_TEST(FeaturesOnly, PublishedJoinIsTheMinimiserOfItsObjective) {
 TYPED_TEST(FeaturesOnly, PublishedJoinSaysWhatIsMissing) {
   constexpr int D = TypeParam::value;
   Dice dice(7);
-  auto [a, b] = two_maps<D>(dice, D, 0.0);
+  auto pair = two_maps<D>(dice, D, 0.0);
+  Map<D>& a = pair.first;
+  Map<D>& b = pair.second;
   const auto complaint = [&](const Anchor<D>& anchor) {
     return complaint_of<DisconnectedError>([&] { (void)join_as_published(a, b, anchor); });
   };
@@ -275,7 +281,9 @@ std::pair<Map<D>, Map<D>> loose_maps(Dice& dice) {
 TYPED_TEST(FeaturesOnly, MapsWithOneCommonFeatureOrThreeOnALineAreNotJoined) {
   constexpr int D = TypeParam::value;
   Dice dice(8);
-  const auto [a, b] = loose_maps<D>(dice);
+  const auto pair = loose_maps<D>(dice);
+  const Map<D>& a = pair.first;
+  const Map<D>& b = pair.second;
   EXPECT_THAT(complaint_of<DisconnectedError>([&] { (void)join(a, b); }),
               AllOf(HasSubstr(D == 2 ? "shares only 1 variable" : "shares only 3 variables"),
                     HasSubstr(D == 2 ? ": point:7;" : ": point:0 point:1 point:2;"),
@@ -293,7 +301,9 @@ TYPED_TEST(FeaturesOnly, SummaryJoinsSayWhichPointsTheyWereSolvedIn) {
   constexpr int D = TypeParam::value;
   for (const Mode mode : {Mode::kSummary, Mode::kPaper}) {
     Dice dice(9);
-    const auto [a, b] = two_maps<D>(dice, D + 2, kNoise);
+    const auto pair = two_maps<D>(dice, D + 2, kNoise);
+    const Map<D>& a = pair.first;
+    const Map<D>& b = pair.second;
     JoinOptions options;
     options.mode = mode;
     const std::vector<Map<D>> maps{a, b};
