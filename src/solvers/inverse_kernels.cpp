@@ -46,12 +46,9 @@ void product_tile(int depth, double alpha, const double* a, std::int64_t lda, co
   for (int n = 0; n < N; ++n) {
 #pragma GCC unroll 8
     for (int m = 0; m < M; ++m) {
-      Unaligned& to = reinterpret_cast<Unaligned*>(c + n * ldc)[m];
-      if (add) {
-        to += alpha * sum[m][n];
-      } else {
-        to = alpha * sum[m][n];
-      }
+      // No reference: Clang takes one to be aligned.
+      Unaligned* const to = reinterpret_cast<Unaligned*>(c + n * ldc) + m;
+      *to = add ? *to + alpha * sum[m][n] : alpha * sum[m][n];
     }
   }
 }
