@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <utility>
 
 #include "mapjoin/solvers/front_merging.h"
@@ -34,7 +35,7 @@ void product_tile(int depth, double alpha, const double* a, std::int64_t lda, co
   for (int l = 0; l < depth; ++l, a += lda, b += B.row) {
     Unaligned row[M];
 #pragma GCC unroll 8
-    for (int m = 0; m < M; ++m) row[m] = reinterpret_cast<const Unaligned*>(a)[m];
+    for (int m = 0; m < M; ++m) std::memcpy(&row[m], a + m * kWidth, sizeof row[m]);
 #pragma GCC unroll 8
     for (int n = 0; n < N; ++n) {
       const double factor = b[n * B.column];
@@ -46,9 +47,11 @@ void product_tile(int depth, double alpha, const double* a, std::int64_t lda, co
   for (int n = 0; n < N; ++n) {
 #pragma GCC unroll 8
     for (int m = 0; m < M; ++m) {
-      // No reference: Clang takes one to be aligned.
-      Unaligned* const to = reinterpret_cast<Unaligned*>(c + n * ldc) + m;
-      *to = add ? *to + alpha * sum[m][n] : alpha * sum[m][n];
+      Unaligned value;
+      double* const to = c + n * ldc + m * kWidth;
+      std::memcpy(&value, to, sizeof value);
+      value = add ? value + alpha * sum[m][n] : alpha * sum[m][n];
+      std::memcpy(to, &value, sizeof value);
     }
   }
 }
