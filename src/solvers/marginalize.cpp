@@ -183,12 +183,16 @@ bool holds(const VariableSet<D>& variables, const Anchor<D>& anchor) {
 /// Gives a map that has lost its anchor another one.
 template <int D>
 Map<D> anchored_anew(Map<D> map, const Anchor<D>& wanted) {
-  if (wanted.kind != nullptr) return change_frame(std::move(map), wanted);
+  std::optional<Anchor<D>> anchor;  // chosen before the map is moved from
   const int c = map.variables().find_column(Tag("pose"));
-  if (c >= 0)
-    return change_frame(std::move(map), pose_anchor<D>(map.variables().column(c).keys[0]));
-  if (const std::optional<Anchor<D>> points = farthest_points(map.values))
-    return change_frame(std::move(map), *points);
+  if (wanted.kind != nullptr) {
+    anchor = wanted;
+  } else if (c >= 0) {
+    anchor = pose_anchor<D>(map.variables().column(c).keys[0]);
+  } else {
+    anchor = farthest_points(map.values);
+  }
+  if (anchor) return change_frame(std::move(map), *anchor);
   map.anchor = {};
   return map;
 }
