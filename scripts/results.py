@@ -680,7 +680,7 @@ def rmse_as_written(path, reference):
 
 
 def feature_only(bench, report, options):
-    report.section(len(SECTIONS), "Feature-only maps", "`join --features-only` (D-SLAM, Linear SLAM "
+    report.section(12, "Feature-only maps", "`join --features-only` (D-SLAM, Linear SLAM "
                    "sections 7 and 8.3): poses are marginalised out of every local map; neighbours that "
                    "share too few features are joined with their poses first. `paper` and `summary`, "
                    "divide and conquer: RMSE of features, after the best fit, to the optimum over the "

@@ -1,12 +1,12 @@
 #include "mapjoin/cli/report.h"
 
 #include <fmt/format.h>
-#include <sys/resource.h>
 
 #include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "mapjoin/cli/terminal.h"
+#include "mapjoin/joining/memory_limit.h"
 
 namespace mapjoin::cli {
 
@@ -19,12 +19,6 @@ std::string_view tree_name(const RunReport& r) {
 }
 
 }  // namespace
-
-std::int64_t peak_memory_bytes() {
-  struct rusage usage = {};
-  getrusage(RUSAGE_SELF, &usage);
-  return std::int64_t{usage.ru_maxrss} * 1024;
-}
 
 std::string text(const RunReport& r) {
   std::string out;
@@ -51,8 +45,7 @@ std::string text(const RunReport& r) {
   line("seconds", fmt::format("{:.3f} read, {:.3f} join, {:.3f} refine, {:.3f} write",
                               r.seconds.read, r.seconds.solve - r.join.seconds_refine,
                               r.join.seconds_refine, r.seconds.write));
-  line("peak memory",
-       fmt::format("{:.1f} MiB", static_cast<double>(peak_memory_bytes()) / 1048576));
+  line("peak memory", fmt::format("{:.1f} MiB", static_cast<double>(peak_memory()) / 1048576));
   for (std::size_t k = 0; k < r.written.size(); ++k) {
     line("written", fmt::format("{} (frame of {})", r.written[k].string(), r.frames[k]));
   }
@@ -78,7 +71,7 @@ std::string json(const RunReport& r) {
                     {"solve", r.seconds.solve},
                     {"refine", r.join.seconds_refine},
                     {"write", r.seconds.write}};
-  out["peak_memory_bytes"] = peak_memory_bytes();
+  out["peak_memory_bytes"] = peak_memory();
   out["measurements"] = r.measurements;
   out["joins"] = r.join.joins;
   out["redone_joins"] = r.join.redone_joins;

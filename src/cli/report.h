@@ -28,9 +28,6 @@ struct RunReport {
   Seconds seconds;
 };
 
-/// The largest amount of memory this process has had, in bytes.
-std::int64_t peak_memory_bytes();
-
 /// The report in words, for people.
 std::string text(const RunReport& report);
 /// The same figures for programs: the content of --json.

@@ -1,5 +1,7 @@
 #include "mapjoin/frames/exact_gauge.h"
 
+#include <fmt/format.h>
+
 #include <utility>
 
 #include "mapjoin/frames/change_frame.h"
@@ -12,6 +14,15 @@ namespace {
 constexpr double kRounding = 1e-12;
 
 }  // namespace
+
+template <int D>
+void require_information(const Map<D>& map) {
+  if (map.information.size() == map.variables().size()) return;
+  throw InputError(
+      fmt::format("the map has {} variables but information on {}; join with "
+                  "JoinOptions::information, or read a native map",
+                  map.variables().size(), map.information.size()));
+}
 
 template <int D>
 bool is_gauge_free(const Map<D>& map) {
@@ -51,9 +62,10 @@ Map<D> exactly_gauge_free(Map<D> map) {
   return completed_where_solved(std::move(map));
 }
 
-#define MAPJOIN_INSTANTIATE(D)                   \
-  template bool is_gauge_free<D>(const Map<D>&); \
-  template Map<D> exactly_gauge_free<D>(Map<D>); \
+#define MAPJOIN_INSTANTIATE(D)                         \
+  template void require_information<D>(const Map<D>&); \
+  template bool is_gauge_free<D>(const Map<D>&);       \
+  template Map<D> exactly_gauge_free<D>(Map<D>);       \
   template Map<D> completed_where_solved<D>(Map<D>);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

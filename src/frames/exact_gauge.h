@@ -4,6 +4,11 @@
 
 namespace mapjoin {
 
+/// \throws InputError when the map comes without its information, as joins leave it out on request
+/// and g2o files have none.
+template <int D>
+void require_information(const Map<D>& map);
+
 /// Does moving the whole map cost nothing, up to rounding? Every row of information * gauge within
 /// 1e-12 of the terms it sums. True for maps that were imported, re-framed or solved from their
 /// measurements; not for summary joins of maps that disagreed. O(blocks).

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "mapjoin/joining/require_determined.h"
 #include "mapjoin/solvers/gauge_scalars.h"
 #include "mapjoin/solvers/sparse_cholesky.h"
 
@@ -63,22 +64,13 @@ template <int D>
 Eigen::MatrixXd covariance_of(const VariableSet<D>& all, const Summary<D>& map,
                               std::span<const int> points) {
   const std::vector<int> offsets = offsets_of(all, map.piece);
-  const int c = all.find_column(Tag("pose"));
-  const bool posed = c >= 0 && map.piece.column_size(at(c)) > 0;
   std::vector<int> held;
-  for (const PieceScalar& s :
-       gauge_scalars(all, map.piece, posed ? map.piece.column_start[at(c)] : -1))
+  for (const PieceScalar& s : gauge_scalars(all, map.piece, lowest_pose(all, map.piece)))
     held.push_back(offsets[at(s.variable)] + s.scalar);
   SparseCholesky cholesky;
   cholesky.analyze(map.information, held);
-  const int failed = cholesky.factorize(map.information);
-  if (failed >= 0) {
-    const auto k = std::upper_bound(offsets.begin(), offsets.end(), failed) - offsets.begin() - 1;
-    throw SingularError(
-        fmt::format("choosing a frame: the map's information does not determine {}; add a "
-                    "measurement of it or leave it out",
-                    to_string(all.key(map.piece.variables[at(k)]))));
-  }
+  require_determined(cholesky.factorize(map.information), offsets, "choosing a frame: the map's",
+                     [&](int k) { return all.key(map.piece.variables[at(k)]); });
   std::vector<int> rows;
   for (const int place : places_of(map.piece, points)) {
     for (int s = 0; s < D; ++s) rows.push_back(offsets[at(place)] + s);

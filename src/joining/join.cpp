@@ -9,6 +9,7 @@
 #include "mapjoin/frames/change_frame.h"
 #include "mapjoin/frames/points_anchor.h"
 #include "mapjoin/joining/place.h"
+#include "mapjoin/joining/require_determined.h"
 #include "mapjoin/joining/summary_join.h"
 #include "mapjoin/joining/summary_tree.h"
 #include "mapjoin/solvers/blas_threads.h"
@@ -157,15 +158,8 @@ Map<D> solve(const Merge<D>& merge) {
   const SymmetricBlockMatrix normal = merge.equations.normal_matrix();
   SparseCholesky cholesky;
   cholesky.analyze(normal, merge.dropped);
-  const int failed = cholesky.factorize(normal);
-  if (failed >= 0) {
-    const auto& offsets = merge.equations.column_offset;
-    const auto k = std::upper_bound(offsets.begin(), offsets.end(), failed) - offsets.begin() - 1;
-    throw SingularError(
-        fmt::format("joining: the maps' information does not determine {}; add a measurement of it "
-                    "or leave it out",
-                    to_string(merge.variables.key(static_cast<int>(k)))));
-  }
+  require_determined(cholesky.factorize(normal), merge.equations.column_offset,
+                     "joining: the maps'", [&](int k) { return merge.variables.key(k); });
   const Eigen::VectorXd d = cholesky.solve(merge.equations.right_hand_side());
   Piece<D> x = to_piece(merge.variables, merge.x0);
   retract(merge.variables, x, std::span<const double>(d.data(), at(d.size())));

@@ -73,6 +73,13 @@ std::shared_ptr<const MeasurementGraph<D>> kept_observations(
 }
 
 template <int D>
+std::unique_ptr<FrontalCholesky> cholesky_for(const ObservationSystem<D>& system,
+                                              const JoinOptions& options) {
+  return std::make_unique<FrontalCholesky>(
+      FactorOptions{.residence = factor_residence(options, system.statistics(), 1)});
+}
+
+template <int D>
 JoinedPieces<D> join_pieces(const MeasurementGraph<D>& graph, std::span<const Key> order,
                             const JoinOptions& options, WorkerPool& pool, JoinReport& report) {
   if (options.tree == TreeShape::kGraph && options.strategy == Strategy::kDivideAndConquer) {
@@ -108,16 +115,18 @@ JoinedPieces<D> join_pieces_in_world(const MeasurementGraph<D>& graph,
     for (const std::int64_t o : piece.observations)
       pieces.back().observations.push_back(rest[static_cast<std::size_t>(o)]);
   }
-  pieces = place_in_world(graph, partial, std::move(pieces), report.notes);
-  for (Piece<D>& piece : pieces) {
-    std::sort(piece.observations.begin(), piece.observations.end());
-    Places places(graph.variables.size());
-    ObservationSystem<D> system(graph, piece, std::span<const std::int32_t>(), places);
-    FrontalCholesky cholesky;
-    for (int k = 0; k < report.root_solves; ++k) linear_step(graph, piece, system, cholesky, pool);
-  }
   JoinedPieces<D> out;
-  out.pieces = std::move(pieces);
+  out.pieces = place_in_world(graph, partial, std::move(pieces), report.notes);
+  Places places(graph.variables.size());
+  for (Piece<D>& piece : out.pieces) {
+    std::sort(piece.observations.begin(), piece.observations.end());
+    auto system = std::make_unique<ObservationSystem<D>>(graph, piece,
+                                                         std::span<const std::int32_t>(), places);
+    if (out.cholesky == nullptr) out.cholesky = cholesky_for(*system, options);
+    for (int k = 0; k < report.root_solves; ++k)
+      linear_step(graph, piece, *system, *out.cholesky, pool);
+    if (out.pieces.size() == 1) out.system = std::move(system);  // planned once, for refining too
+  }
   return out;
 }
 
@@ -159,10 +168,7 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
     ObservationSystem<D>& system = *planned;
     if (options.mode == Mode::kOptimal) {
       const auto refine_start = Clock::now();
-      if (joined.cholesky == nullptr) {
-        joined.cholesky = std::make_unique<FrontalCholesky>(
-            FactorOptions{.residence = factor_residence(options, system.statistics(), 1)});
-      }
+      if (joined.cholesky == nullptr) joined.cholesky = cholesky_for(system, options);
       const RefineResult refined =
           refine(graph, piece, system, *joined.cholesky, pool, options.max_refine_solves,
                  kRefineTolerance, options.progress, joined.promised);

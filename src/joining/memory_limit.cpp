@@ -27,6 +27,12 @@ std::int64_t resident_memory() {
   return resident * static_cast<std::int64_t>(sysconf(_SC_PAGESIZE));
 }
 
+std::int64_t peak_memory() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return std::int64_t{usage.ru_maxrss} * 1024;
+}
+
 FactorResidence factor_residence(const JoinOptions& options, const FactorStatistics& statistics,
                                  int holders) {
   if (options.memory_limit <= 0) return {};
@@ -41,9 +47,7 @@ FactorResidence factor_residence(const JoinOptions& options, const FactorStatist
 
 void note_excess(const JoinOptions& options, JoinReport& report) {
   if (options.memory_limit <= 0) return;
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  const std::int64_t peak = std::int64_t{usage.ru_maxrss} * 1024;
+  const std::int64_t peak = peak_memory();
   if (peak <= options.memory_limit) return;
   report.notes.push_back(
       fmt::format("the memory limit of {} MiB was too small, {} MiB were in use: measurements, "

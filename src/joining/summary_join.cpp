@@ -10,6 +10,7 @@
 #include "mapjoin/frames/points_anchor.h"
 #include "mapjoin/graph/error.h"
 #include "mapjoin/joining/place.h"
+#include "mapjoin/joining/require_determined.h"
 #include "mapjoin/solvers/gauge_scalars.h"
 #include "mapjoin/solvers/sparse_cholesky.h"
 
@@ -18,13 +19,6 @@ namespace mapjoin {
 namespace {
 
 std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
-
-/// Place of the lowest pose in a piece, -1 where it has none.
-template <int D>
-int lowest_pose(const VariableSet<D>& all, const Piece<D>& piece) {
-  const int c = all.find_column(Tag("pose"));
-  return c < 0 || piece.column_size(at(c)) == 0 ? -1 : piece.column_start[at(c)];
-}
 
 int place_of(const std::vector<int>& variables, int variable) {
   const auto found = std::lower_bound(variables.begin(), variables.end(), variable);
@@ -113,15 +107,8 @@ void solve_step(const VariableSet<D>& all, std::span<const Summary<D>* const> ma
   const std::vector<int> dropped = columns_of(equations, held);
   SparseCholesky cholesky;
   cholesky.analyze(normal, dropped);
-  const int failed = cholesky.factorize(normal);
-  if (failed >= 0) {
-    const auto& offsets = equations.column_offset;
-    const auto k = std::upper_bound(offsets.begin(), offsets.end(), failed) - offsets.begin() - 1;
-    throw SingularError(
-        fmt::format("joining: the maps' information does not determine {}; add a measurement of it "
-                    "or leave it out",
-                    to_string(all.key(x.variables[at(k)]))));
-  }
+  require_determined(cholesky.factorize(normal), equations.column_offset, "joining: the maps'",
+                     [&](int k) { return all.key(x.variables[at(k)]); });
   const Eigen::VectorXd d = cholesky.solve(equations.right_hand_side());
   retract(all, x, std::span<const double>(d.data(), at(d.size())));
 }

@@ -13,21 +13,15 @@
 
 namespace mapjoin {
 
-/// Does every node of `levels`, level by level: do_node(node, thread, alone), where `alone` says
-/// that no other node is being done at the same time, so the whole pool is free for this one.
+/// Does every node of a join tree, level by level, children first: do_node(node, thread, alone),
+/// where `alone` says that no other node is being done at the same time, so the whole pool is free
+/// for this one.
 ///
 /// Nodes of one level are spread over the pool's threads. An exception of the first node of a level
 /// that threw one is thrown on. \throws CancelledError when the progress callback says so.
 template <class DoNode>
-void walk_levels(const std::vector<std::vector<std::int32_t>>& levels, WorkerPool& pool,
-                 const ProgressCallback& progress, DoNode&& do_node);
-
-/// The same for a join tree: children first.
-template <class DoNode>
 void walk_tree(const JoinTree& tree, WorkerPool& pool, const ProgressCallback& progress,
-               DoNode&& do_node) {
-  walk_levels(tree.levels(), pool, progress, do_node);
-}
+               DoNode&& do_node);
 
 /// Does every node of a forest (children before parents) as soon as its children are done:
 /// do_node(node, thread, loop), where `loop` spreads an inner loop over threads that have nothing
@@ -84,13 +78,12 @@ void walk_forest(std::span<const FrontTask> nodes, WorkerPool& pool,
 }
 
 template <class DoNode>
-void walk_levels(const std::vector<std::vector<std::int32_t>>& levels, WorkerPool& pool,
-                 const ProgressCallback& progress, DoNode&& do_node) {
-  std::size_t total = 0;
-  for (const auto& level : levels) total += level.size();
+void walk_tree(const JoinTree& tree, WorkerPool& pool, const ProgressCallback& progress,
+               DoNode&& do_node) {
+  const auto total = static_cast<double>(tree.nodes());
   std::size_t done = 0;
-  for (const std::vector<std::int32_t>& level : levels) {
-    if (progress && !progress({"join", static_cast<double>(done) / static_cast<double>(total)})) {
+  for (const std::vector<std::int32_t>& level : tree.levels()) {
+    if (progress && !progress({"join", static_cast<double>(done) / total})) {
       throw CancelledError("cancelled while joining");
     }
     done += level.size();

@@ -158,10 +158,12 @@ std::vector<std::int32_t> order_blocks(std::span<const std::int32_t> dims, Cliqu
   const double entries = static_cast<double>(dims.size() + graph.neighbours.size());
   const double block =
       std::accumulate(dims.begin(), dims.end(), 0.0) / static_cast<double>(dims.size());
-  MinimumDegreeOrder quick = minimum_degree(graph);
+  MinimumDegreeOrder quick = minimum_degree(std::move(graph));
   const double flops = 2.0 * quick.multiplications * block * block * block;
   if (flops < kDissectionFlops * entries) return std::move(quick.order);
-  std::vector<Index> dissected = nested_dissection(dims, std::move(graph), options.seed);
+  // The first order has used the graph up: seldom is a second one worth a copy.
+  std::vector<Index> dissected =
+      nested_dissection(dims, block_graph(static_cast<Index>(dims.size()), cliques), options.seed);
   return elimination_flops(dims, cliques, dissected) < elimination_flops(dims, cliques, quick.order)
              ? std::move(dissected)
              : std::move(quick.order);

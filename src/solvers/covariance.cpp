@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "mapjoin/frames/exact_gauge.h"
+#include "mapjoin/frames/gauge.h"
 #include "mapjoin/graph/piece.h"
 #include "mapjoin/solvers/block_system.h"
 #include "mapjoin/solvers/gauge_scalars.h"
@@ -24,10 +25,9 @@ std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 template <int D>
 std::vector<int> some_gauge_scalars(const Values<D>& values) {
   const VariableSet<D>& variables = values.variables();
-  const int c = variables.find_column(Tag("pose"));
+  const Piece<D> piece = to_piece(variables, values);
   std::vector<int> out;
-  for (const PieceScalar& s : gauge_scalars(variables, to_piece(variables, values),
-                                            c < 0 ? -1 : variables.column(c).first))
+  for (const PieceScalar& s : gauge_scalars(variables, piece, lowest_pose(variables, piece)))
     out.push_back(variables.offset(s.variable) + s.scalar);
   return out;
 }
@@ -35,16 +35,16 @@ std::vector<int> some_gauge_scalars(const Values<D>& values) {
 /// The matrix with unit rows and columns at the held scalars: its inverse is that of the rest, and
 /// the two do not mix.
 void hold(SymmetricBlockMatrix& matrix, const std::vector<char>& held) {
-  for (int j = 0; j < matrix.size(); ++j) {
-    for (std::int64_t slot = matrix.begin(j); slot < matrix.end(j); ++slot) {
-      const int i = matrix.row(slot);
-      double* value = matrix.block(slot);
-      for (int c = matrix.offset(j); c < matrix.offset(j + 1); ++c) {
-        for (int r = matrix.offset(i); r < matrix.offset(i + 1); ++r, ++value) {
-          if (held[at(r)] != 0 || held[at(c)] != 0) *value = r == c ? 1.0 : 0.0;
-        }
-      }
-    }
+  std::vector<int> scalars;
+  for (std::size_t s = 0; s < held.size(); ++s) {
+    if (held[s] != 0) scalars.push_back(static_cast<int>(s));
+  }
+  leave_out(matrix, scalars);
+  int variable = 0;
+  for (const int s : scalars) {
+    while (s >= matrix.offset(variable + 1)) ++variable;
+    const int k = s - matrix.offset(variable);
+    matrix.block(matrix.begin(variable))[k * (matrix.dim(variable) + 1)] = 1.0;
   }
 }
 
@@ -100,11 +100,7 @@ Covariance<D>::State::State(const Map<D>& given) {
     throw InputError(
         "the map has no anchor, so nothing says what its covariance would be relative to; write it "
         "in a frame with change_frame, or ask for relative quantities");
-  if (given.information.size() != given.variables().size())
-    throw InputError(
-        fmt::format("the map has {} variables but information on {}; join with "
-                    "JoinOptions::information, or read a native map",
-                    given.variables().size(), given.information.size()));
+  require_information(given);
   variables = given.variables();
   offsets = given.information.offsets();
   const bool pose = given.solved_in.kind == &pose_anchor_kind<D>();

@@ -1,6 +1,9 @@
 #include "mapjoin/solvers/elimination_tree.h"
 
 #include <numeric>
+#include <string>
+
+#include "mapjoin/graph/error.h"
 
 namespace mapjoin {
 namespace {
@@ -110,6 +113,31 @@ std::vector<std::int32_t> postorder(std::span<const std::int32_t> parent) {
   return result;
 }
 
+std::vector<Index> inverse_permutation(std::span<const Index> permutation) {
+  std::vector<Index> result(permutation.size(), -1);
+  for (std::size_t i = 0; i < permutation.size(); ++i) {
+    const Index v = permutation[i];
+    if (v < 0 || v >= static_cast<Index>(permutation.size()) || result[v] >= 0) {
+      throw InputError("analyze: the order is not a permutation at position " + std::to_string(i));
+    }
+    result[v] = static_cast<Index>(i);
+  }
+  return result;
+}
+
+void apply_postorder(std::vector<Index>& order, std::vector<Index>& position,
+                     std::vector<Index>& parent) {
+  const std::vector<Index> post = postorder(parent);
+  const std::vector<Index> old_order = order;
+  const std::vector<Index> old_parent = parent;
+  const std::vector<Index> renumbered = inverse_permutation(post);
+  for (std::size_t k = 0; k < post.size(); ++k) {
+    order[k] = old_order[post[k]];
+    position[order[k]] = static_cast<Index>(k);
+    parent[k] = old_parent[post[k]] < 0 ? -1 : renumbered[old_parent[post[k]]];
+  }
+}
+
 std::vector<ColumnCount> column_counts(std::span<const std::int32_t> dims,
                                        std::span<const std::int32_t> order,
                                        std::span<const std::int32_t> position,
@@ -161,24 +189,11 @@ std::vector<ColumnCount> column_counts(std::span<const std::int32_t> dims,
 
 double elimination_flops(std::span<const std::int32_t> dims, Cliques cliques,
                          std::span<const std::int32_t> order) {
-  const auto inverse = [](std::span<const std::int32_t> permutation) {
-    std::vector<std::int32_t> out(permutation.size());
-    for (std::size_t k = 0; k < permutation.size(); ++k)
-      out[static_cast<std::size_t>(permutation[k])] = static_cast<std::int32_t>(k);
-    return out;
-  };
-  std::vector<std::int32_t> position = inverse(order);
+  std::vector<std::int32_t> postordered(order.begin(), order.end());
+  std::vector<std::int32_t> position = inverse_permutation(order);
   const Stars stars = clique_stars(position, cliques);
-  const std::vector<std::int32_t> tree = elimination_tree(order, position, stars);
-  const std::vector<std::int32_t> post = postorder(tree);
-  const std::vector<std::int32_t> renumbered = inverse(post);
-  std::vector<std::int32_t> postordered(order.size()), parent(order.size());
-  for (std::size_t k = 0; k < post.size(); ++k) {
-    const auto old = static_cast<std::size_t>(post[k]);
-    postordered[k] = order[old];
-    parent[k] = tree[old] < 0 ? -1 : renumbered[static_cast<std::size_t>(tree[old])];
-  }
-  position = inverse(postordered);
+  std::vector<std::int32_t> parent = elimination_tree(order, position, stars);
+  apply_postorder(postordered, position, parent);
   const auto count = column_counts(dims, postordered, position, parent, stars);
   double flops = 0.0;
   for (std::size_t k = 0; k < count.size(); ++k) {

@@ -40,6 +40,13 @@ std::vector<std::int32_t> elimination_tree(std::span<const std::int32_t> order,
 /// of 10^6 nodes is fine. Works on any forest given by parents (parent[i] may also be below i).
 std::vector<std::int32_t> postorder(std::span<const std::int32_t> parent);
 
+/// The inverse of a permutation. \throws InputError where it is none.
+std::vector<std::int32_t> inverse_permutation(std::span<const std::int32_t> permutation);
+
+/// Renumbers positions by a postorder of their elimination tree; an equivalent order.
+void apply_postorder(std::vector<std::int32_t>& order, std::vector<std::int32_t>& position,
+                     std::vector<std::int32_t>& parent);
+
 /// The size of column p of the factor, with its own variable: in scalars and in blocks.
 struct ColumnCount {
   std::int32_t scalars = 0;

@@ -5,6 +5,15 @@
 
 namespace mapjoin {
 
+/// One past the last double of a front's panel. Panels follow one another in the order of the
+/// fronts.
+inline std::int64_t end_of_panel(const Front& front) {
+  return front.panel + std::int64_t{front.panel_stride} * front.pivot_dim;
+}
+
+/// Panels leave memory in portions of about this many doubles.
+inline constexpr std::int64_t kPanelPortion = std::int64_t{1} << 20;
+
 /// Splits the fronts into tasks: subtrees small enough to balance, grouped when tiny, and above
 /// them single fronts or short paths. The split depends on the structure alone, never on the number
 /// of threads. Fills structure.tasks.

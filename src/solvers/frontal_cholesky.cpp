@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "mapjoin/solvers/extend_add.h"
+#include "mapjoin/solvers/front_layout.h"
 
 namespace mapjoin {
 namespace {
@@ -29,13 +30,6 @@ void clear_columns(const FrontView& front, int begin, int end) {
     const int row = std::max(top, (j - kRowGroup + 1) / kRowGroup * kRowGroup);
     std::fill(front.column(j) + row, front.column(j) + row_end, 0.0);
   }
-}
-
-/// Panels are settled in portions of this many doubles.
-constexpr std::int64_t kSettled = std::int64_t{1} << 20;
-
-std::int64_t end_of_panel(const Front& front) {
-  return front.panel + std::int64_t{front.panel_stride} * front.pivot_dim;
 }
 
 /// Per thread: the diagonal of H in the rows of a front, then the bounds of its pivots.
@@ -66,7 +60,7 @@ void FrontalCholesky::factor_fronts(Index begin, Index end, Assembler assemble, 
     factor_front(f, assemble, scratch, loop);
     if (options_.residence.bytes >= 0) give_back_updates(f);
     const std::int64_t done = end_of_panel(structure_->fronts[f]) - first_panel_;
-    if (done - unsettled < kSettled && f + 1 < end) continue;
+    if (done - unsettled < kPanelPortion && f + 1 < end) continue;
     factor_.settle(unsettled, done);
     unsettled = done;
   }

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <vector>
 
+#include "mapjoin/solvers/front_layout.h"
 #include "mapjoin/solvers/frontal_cholesky.h"
 
 namespace mapjoin {
@@ -32,14 +33,12 @@ void FrontalCholesky::back_substitute(Index f, double* x, double* local) const {
 
 /// From the last to the first; where the factor is on disk, what has been read leaves memory again.
 void FrontalCholesky::substitute_fronts(Index begin, Index end, double* x, double* local) const {
-  constexpr std::int64_t kLeft = std::int64_t{1} << 20;
   const auto panel_begin = [&](Index f) { return structure_->fronts[f].panel - first_panel_; };
   if (begin >= end) return;
-  const Front& last = structure_->fronts[end - 1];
-  std::int64_t used = panel_begin(end - 1) + std::int64_t{last.panel_stride} * last.pivot_dim;
+  std::int64_t used = end_of_panel(structure_->fronts[end - 1]) - first_panel_;
   for (Index f = end; f-- > begin;) {
     back_substitute(f, x, local);
-    if (!factor_.on_disk() || (used - panel_begin(f) < kLeft && f > begin)) continue;
+    if (!factor_.on_disk() || (used - panel_begin(f) < kPanelPortion && f > begin)) continue;
     factor_.leave(panel_begin(f), used);
     used = panel_begin(f);
   }

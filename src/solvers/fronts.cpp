@@ -14,18 +14,6 @@ namespace {
 
 using Index = std::int32_t;
 
-std::vector<Index> inverse_permutation(std::span<const Index> permutation) {
-  std::vector<Index> result(permutation.size(), -1);
-  for (std::size_t i = 0; i < permutation.size(); ++i) {
-    const Index v = permutation[i];
-    if (v < 0 || v >= static_cast<Index>(permutation.size()) || result[v] >= 0) {
-      throw InputError("analyze: the order is not a permutation at position " + std::to_string(i));
-    }
-    result[v] = static_cast<Index>(i);
-  }
-  return result;
-}
-
 // dims[index[0]], dims[index[1]], ... summed up from 0.
 template <class IndexOf>
 std::vector<Index> running_sums(std::span<const Index> dims, IndexOf index) {
@@ -41,20 +29,6 @@ std::vector<Index> running_sums(std::span<const Index> dims, IndexOf index) {
   }
   sums.back() = static_cast<Index>(sum);
   return sums;
-}
-
-// Renumbers positions by a postorder of their elimination tree; an equivalent order.
-void apply_postorder(std::vector<Index>& order, std::vector<Index>& position,
-                     std::vector<Index>& parent) {
-  const std::vector<Index> post = postorder(parent);
-  const std::vector<Index> old_order = order;
-  const std::vector<Index> old_parent = parent;
-  const std::vector<Index> renumbered = inverse_permutation(post);
-  for (std::size_t k = 0; k < post.size(); ++k) {
-    order[k] = old_order[post[k]];
-    position[order[k]] = static_cast<Index>(k);
-    parent[k] = old_parent[post[k]] < 0 ? -1 : renumbered[old_parent[post[k]]];
-  }
 }
 
 class Analysis {

@@ -59,6 +59,14 @@ std::vector<PieceScalar> gauge_scalars(const VariableSet<D>& all, const Piece<D>
 }
 
 template <int D>
+int lowest_pose(const VariableSet<D>& all, const Piece<D>& piece) {
+  const int c = all.find_column(Tag("pose"));
+  if (c < 0) return -1;
+  const auto column = static_cast<std::size_t>(c);
+  return piece.column_size(column) == 0 ? -1 : piece.column_start[column];
+}
+
+template <int D>
 std::vector<PieceScalar> most_independent(const VariableSet<D>& all, const Piece<D>& piece,
                                           const std::vector<PieceScalar>& candidates) {
   const std::vector<int> offsets = offsets_of(all, piece);
@@ -76,6 +84,7 @@ std::vector<PieceScalar> most_independent(const VariableSet<D>& all, const Piece
 #define MAPJOIN_INSTANTIATE(D)                                                                     \
   template Eigen::MatrixXd gauge_rows<D>(const VariableSet<D>&, const Piece<D>&);                  \
   template std::vector<PieceScalar> gauge_scalars<D>(const VariableSet<D>&, const Piece<D>&, int); \
+  template int lowest_pose<D>(const VariableSet<D>&, const Piece<D>&);                             \
   template std::vector<PieceScalar> most_independent<D>(const VariableSet<D>&, const Piece<D>&,    \
                                                         const std::vector<PieceScalar>&);
 MAPJOIN_INSTANTIATE(2)

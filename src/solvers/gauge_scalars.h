@@ -27,6 +27,11 @@ std::vector<int> independent_rows(Eigen::MatrixXd rows, int count, double least 
 template <int D>
 std::vector<PieceScalar> gauge_scalars(const VariableSet<D>& all, const Piece<D>& piece, int pose);
 
+/// The place of the lowest pose in a piece, -1 where it has none: what is held of a piece that no
+/// other frame is asked for.
+template <int D>
+int lowest_pose(const VariableSet<D>& all, const Piece<D>& piece);
+
 /// Of the given scalars, the kGauge whose gauge rows are most independent at the values of the
 /// piece (Gram-Schmidt with pivoting). Sorted. O(variables).
 template <int D>

@@ -201,11 +201,7 @@ Map<D> anchored_anew(Map<D> map, const Anchor<D>& wanted) {
 
 template <int D>
 Map<D> marginalize(const Map<D>& given, std::span<const int> keep, const Anchor<D>& anchor) {
-  if (given.information.size() != given.variables().size())
-    throw InputError(
-        fmt::format("the map has {} variables but information on {}; join with "
-                    "JoinOptions::information, or read a native map",
-                    given.variables().size(), given.information.size()));
+  require_information(given);
   require_frame(given.values, keep);
   Map<D> out;
   out.values = subset(given.values, keep);

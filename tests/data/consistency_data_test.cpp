@@ -10,6 +10,7 @@
 #include "mapjoin/solvers/covariance.h"
 #include "mapjoin/solvers/marginalize.h"
 #include "mapjoin/solvers/sparse_cholesky.h"
+#include "tests/support/beacons.h"
 #include "tests/support/data_sets.h"
 
 namespace mapjoin::test {
@@ -28,24 +29,6 @@ struct Row {
 
 const std::vector<Row> kRows = {{"simu_8240_50", "simu_8240", 1224, 1306.5, 1239.2},
                                 {"simu_35188_700", "simu_35188", 8404, 8618.4, 7916.3}};
-
-/// The beacons, and the pose at the origin where the robot starts.
-std::optional<Values<2>> true_beacons(const std::string& world) {
-  const auto file = data_file("simulation/" + world + "/beacons_true.csv");
-  if (!file) return std::nullopt;
-  std::ifstream in(*file);
-  std::string line;
-  std::getline(in, line);
-  ValuesBuilder<2> builder;
-  builder.add<Pose2>(pose_key(0), Rigid2::identity());
-  while (std::getline(in, line)) {
-    unsigned long id = 0;
-    double x = 0.0, y = 0.0;
-    if (std::sscanf(line.c_str(), "%lu,%lf,%lf", &id, &x, &y) == 3)
-      builder.add<Point2>(point_key(id), Vec<2>(x, y));
-  }
-  return std::move(builder).build();
-}
 
 class Nees : public testing::TestWithParam<Row> {};
 

@@ -12,6 +12,7 @@
 #include "mapjoin/frames/parse_anchor.h"
 #include "mapjoin/joining/features_only.h"
 #include "mapjoin/solvers/marginalize.h"
+#include "tests/support/beacons.h"
 #include "tests/support/data_sets.h"
 
 namespace mapjoin::test {
@@ -85,23 +86,6 @@ TEST(FeaturesOnly, Simulation870EndsNearTheOptimumOfTheMapsWithPoses) {
     EXPECT_EQ(map.values.point(frame.keys[1]).tail<2>(), Vec<2>(0, 0));
     EXPECT_LE(deviation(map.values, whole).aligned_feature_rmse, 0.002);
   }
-}
-
-/// The beacons of a simulated world.
-std::optional<Values<2>> true_beacons(const std::string& world) {
-  const auto file = data_file("simulation/" + world + "/beacons_true.csv");
-  if (!file) return std::nullopt;
-  std::ifstream in(*file);
-  std::string line;
-  std::getline(in, line);
-  ValuesBuilder<2> builder;
-  while (std::getline(in, line)) {
-    unsigned long id = 0;
-    double x = 0.0, y = 0.0;
-    if (std::sscanf(line.c_str(), "%lu,%lf,%lf", &id, &x, &y) == 3)
-      builder.add<Point2>(point_key(id), Vec<2>(x, y));
-  }
-  return std::move(builder).build();
 }
 
 struct World {
