@@ -6,6 +6,7 @@
 #include "mapjoin/cli/run.h"
 #include "mapjoin/frames/change_frame.h"
 #include "mapjoin/io/native_map.h"
+#include "mapjoin/solvers/expect_determined.h"
 
 namespace mapjoin::cli {
 
@@ -34,6 +35,7 @@ void reframe(const Arguments& a) {
         const Anchor<D> anchor =
             chosen_anchor<D>(a.anchor, session_of(map.variables()), map.variables());
         const std::string before = to_string(map.anchor);
+        expect_determined(map, anchor);
         map = change_frame(std::move(map), anchor);
         OutputFiles files;
         write_piece(files, a.output, map, false, false);

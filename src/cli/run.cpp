@@ -13,6 +13,7 @@
 #include "mapjoin/io/native_map.h"
 #include "mapjoin/io/tum.h"
 #include "mapjoin/joining/checkpoint.h"
+#include "mapjoin/solvers/expect_determined.h"
 
 namespace mapjoin::cli {
 
@@ -38,6 +39,7 @@ void into_frame(std::vector<Map<D>>& pieces, const Anchor<D>& anchor) {
       return map.variables().find(key).has_value();
     });
     if (!holds) continue;
+    expect_determined(map, anchor);
     map = change_frame(std::move(map), anchor);
     return;
   }

@@ -131,11 +131,28 @@ TEST_F(Anchors, ThatAreNoneAreRefused) {
   }
 }
 
+TEST_F(Anchors, PointsThatTheMapCannotTellApartAreRefused) {
+  // Half a metre apart, each known to a metre relative to the other.
+  const std::string graph = write("in.g2o",
+                                  "EDGE_SE2 0 1 1 0 0 100 0 0 100 0 100\n"
+                                  "EDGE_SE2_XY 0 7 1.0 2 2 0 2\n"
+                                  "EDGE_SE2_XY 1 8 0.5 2 2 0 2\n"
+                                  "EDGE_SE2_XY 1 9 9.0 2 2 0 2\n");
+  run({"solve", graph, "--output", file("in.map")});
+  const std::string message =
+      "points:7,8 does not fix a frame within what the map can tell: point:7 and point:8 are 0.5 "
+      "apart with a standard deviation of 1";
+  expect_refused({"reframe", file("in.map"), "--anchor", "points:7,8", "--output", file("out.map")},
+                 message);
+  expect_refused({"solve", graph, "--anchor", "points:7,8", "--output", file("out.g2o")}, message);
+  run({"reframe", file("in.map"), "--anchor", "points:7,9", "--output", file("out.map")});
+}
+
 TEST_F(Anchors, PointsOfDifferentPiecesAreRefused) {
   const std::string graph = write("two.g2o",
-                                  "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n"
-                                  "EDGE_SE2_XY 0 7 1 2 1 0 1\n"
-                                  "EDGE_SE2_XY 1 8 3 2 1 0 1\n"
+                                  "EDGE_SE2 0 1 1 0 0 100 0 0 100 0 100\n"
+                                  "EDGE_SE2_XY 0 7 1 2 100 0 100\n"
+                                  "EDGE_SE2_XY 1 8 3 2 100 0 100\n"
                                   "EDGE_SE2 20 21 1 0 0 1 0 0 1 0 1\n"
                                   "EDGE_SE2_XY 20 9 1 2 1 0 1\n");
   expect_refused({"solve", graph, "--anchor", "points:7,9", "--output", file("out.map")},

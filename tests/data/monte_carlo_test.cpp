@@ -1,0 +1,74 @@
+// Many simulated runs: maps are as good as they say. Needs no data.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+
+#include "mapjoin/evaluation/chi_squared.h"
+#include "mapjoin/evaluation/consistency.h"
+#include "mapjoin/evaluation/simulate.h"
+#include "mapjoin/joining/join_all.h"
+#include "mapjoin/solvers/marginalize.h"
+
+namespace mapjoin::test {
+namespace {
+
+/// Fifty would do to see a gross error; of fifty, one mean in twenty falls outside by chance.
+constexpr std::uint64_t kRuns = 500;
+
+/// Sums over runs: NEES of independent runs is chi-squared with the sum of the dimensions.
+struct Sum {
+  double nees = 0.0;
+  int dimension = 0;
+  int runs = 0;
+
+  void add(const Consistency& c) {
+    nees += c.nees;
+    dimension += c.dimension;
+    ++runs;
+  }
+  /// The mean lies in its two-sided 95% interval.
+  void expect_consistent(const char* world, const char* what) const {
+    const double low = chi_squared_quantile(0.025, dimension) / runs;
+    const double high = chi_squared_quantile(0.975, dimension) / runs;
+    std::printf("%s, %s: mean NEES %.2f, 95%% between %.2f and %.2f\n", world, what, nees / runs,
+                low, high);
+    EXPECT_LE(low, nees / runs);
+    EXPECT_LE(nees / runs, high);
+  }
+};
+
+/// The truth of the features, and of the pose that fixes the frame.
+template <int D>
+Values<D> features_alone(const Values<D>& truth) {
+  std::vector<int> keep = features_of(truth.variables());
+  keep.insert(keep.begin(), truth.variables().require(pose_key(0), "test"));
+  std::sort(keep.begin(), keep.end());
+  return subset(truth, std::span<const int>(keep));
+}
+
+template <int D>
+void run_many(World world, const char* name) {
+  Sum whole, features;
+  for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
+    SimulationOptions options = simulation_defaults(world);
+    options.poses = 200;
+    options.seed = seed;
+    const Simulation<D> run = simulate<D>(options);
+    const JoinResult<D> joined = join_all(run.graph);
+    ASSERT_EQ(joined.maps.size(), 1u) << "seed " << seed;
+    whole.add(consistency(joined.maps[0], run.truth));
+    features.add(consistency(joined.maps[0], features_alone(run.truth)));
+  }
+  whole.expect_consistent(name, "everything");
+  features.expect_consistent(name, "features");
+}
+
+TEST(ManyRuns, OfLandmarksInThePlaneAreConsistent) {
+  run_many<2>(World::kLandmarks2d, "landmarks2d");
+}
+
+TEST(ManyRuns, OfLandmarksInSpaceAreConsistent) { run_many<3>(World::kLandmarks3d, "landmarks3d"); }
+
+}  // namespace
+}  // namespace mapjoin::test
