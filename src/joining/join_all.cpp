@@ -13,6 +13,7 @@
 #include "mapjoin/joining/refine.h"
 #include "mapjoin/joining/report.h"
 #include "mapjoin/joining/summary_tree.h"
+#include "mapjoin/joining/uncoil.h"
 
 namespace mapjoin {
 
@@ -130,6 +131,49 @@ JoinedPieces<D> join_pieces_in_world(const MeasurementGraph<D>& graph,
   return out;
 }
 
+/// Refines; and where chains of poses are wound up (uncoil.h), before or after, lays them anew and
+/// refines again as long as that makes chi2 smaller.
+template <int D>
+RefineResult refine_uncoiled(const MeasurementGraph<D>& graph, Piece<D>& piece,
+                             ObservationSystem<D>& system, FrontalCholesky& cholesky,
+                             WorkerPool& pool, Places& places, const JoinOptions& options,
+                             double promised, JoinReport& report) {
+  constexpr int kRounds = 8;
+  const auto refine_from = [&](double promised_before) {
+    return refine(graph, piece, system, cholesky, pool, options.max_refine_solves, kRefineTolerance,
+                  options.progress, promised_before);
+  };
+  std::size_t laid = 0;
+  std::vector<int> coiled = coiled_poses(graph, piece, places);
+  const double linear = coiled.empty() ? 0.0 : system.chi2(piece, pool);
+  if (!coiled.empty()) {
+    lay_anew(graph, piece, places, coiled);
+    laid += coiled.size();
+  }
+  RefineResult result = refine_from(coiled.empty() ? promised : -1.0);
+  if (!coiled.empty()) result.chi2_before = linear;
+  for (int round = 0; round < kRounds; ++round) {
+    coiled = coiled_poses(graph, piece, places);
+    if (coiled.empty()) break;
+    const std::vector<std::vector<double>> before = piece.data;
+    lay_anew(graph, piece, places, coiled);
+    RefineResult again = refine_from(-1.0);
+    result.solves += again.solves;
+    result.shortened += again.shortened;
+    if (again.chi2 >= result.chi2) {
+      piece.data = before;
+      break;
+    }
+    laid += coiled.size();
+    result.chi2 = again.chi2;
+    result.minimum = again.minimum;
+  }
+  if (laid > 0)
+    report.notes.push_back(
+        fmt::format("{} poses of chains that were wound up were laid anew", laid));
+  return result;
+}
+
 /// Joins a graph whose local maps come in a given order (first keys of their anchors; empty:
 /// ascending). `shared` holds the graph, where it is for the result to keep.
 template <int D>
@@ -169,9 +213,8 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
     if (options.mode == Mode::kOptimal) {
       const auto refine_start = Clock::now();
       if (joined.cholesky == nullptr) joined.cholesky = cholesky_for(system, options);
-      const RefineResult refined =
-          refine(graph, piece, system, *joined.cholesky, pool, options.max_refine_solves,
-                 kRefineTolerance, options.progress, joined.promised);
+      const RefineResult refined = refine_uncoiled(graph, piece, system, *joined.cholesky, pool,
+                                                   places, options, joined.promised, report);
       report.chi2_linear += refined.chi2_before;
       report.chi2 += refined.chi2;
       report.refine_solves = std::max(report.refine_solves, refined.solves);

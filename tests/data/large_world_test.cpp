@@ -46,6 +46,25 @@ TEST_P(LargeWorld, SolvesToTheOptimumNextToTheTruth) {
               result.report.chi2, from_truth);
 }
 
+// Long drives between few, short sights of features: somewhere two parts meet turned by more than
+// half a turn, and the chain between them winds up (joining/uncoil.h).
+TEST(LargeLandmarkWorld, EndsAtTheOptimumWhereChainsWindUp) {
+  SimulationOptions options = simulation_defaults(World::kLandmarks2d);
+  options.poses = 30000;
+  options.seed = 3;
+  options.sensor_range = 1.5;
+  options.visible_features = 10;
+  options.max_observations = 88;
+  const Simulation<2> world = simulate<2>(options);
+  const double from_truth = refined_from_truth(world);
+  const JoinResult<2> result = join_all(world.graph);
+  ASSERT_EQ(result.maps.size(), 1U);
+  EXPECT_TRUE(result.report.minimum);
+  EXPECT_NEAR(result.report.chi2, from_truth, 1e-6 * from_truth);
+  ASSERT_FALSE(result.report.notes.empty());  // or this world no longer shows it: take another
+  EXPECT_NE(result.report.notes[0].find("wound up"), std::string::npos);
+}
+
 INSTANTIATE_TEST_SUITE_P(, LargeWorld, testing::Values(20000, 63000, 200000),
                          testing::PrintToStringParamName());
 

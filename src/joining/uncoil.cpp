@@ -1,0 +1,201 @@
+#include "mapjoin/joining/uncoil.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <numeric>
+
+#include "mapjoin/graph/builtin_types.h"
+
+namespace mapjoin {
+
+namespace {
+
+constexpr double kStrained = 0.2;             // rad
+constexpr double kCoiled = std::numbers::pi;  // rad, sum over a chain
+
+/// A relative measurement, by the places of its variables in the piece.
+template <int D>
+struct Link {
+  const RelativeMeasurements<D>* column = nullptr;
+  std::size_t k = 0;  ///< in the column
+  int from = 0, to = 0;
+
+  const double* z() const {
+    return column->z.data() + k * static_cast<std::size_t>(column->kind->value_size);
+  }
+};
+
+/// Calls f(link) for all relative measurements of the piece; places must be marked.
+template <int D, class F>
+void for_each_link(const MeasurementGraph<D>& graph, const Piece<D>& piece, const Places& places,
+                   F&& f) {
+  std::vector<std::int64_t> first{0};
+  for (const auto& column : graph.relative)
+    first.push_back(first.back() + static_cast<std::int64_t>(column.size()));
+  for (const std::int64_t o : piece.observations) {
+    if (o >= first.back()) continue;
+    std::size_t c = 0;
+    while (o >= first[c + 1]) ++c;
+    Link<D> link{&graph.relative[c], static_cast<std::size_t>(o - first[c])};
+    link.from = places[link.column->from[link.k]];
+    link.to = places[link.column->to[link.k]];
+    f(link);
+  }
+}
+
+/// The poses of a piece.
+template <int D>
+class Poses {
+ public:
+  Poses(const VariableSet<D>& all, const Piece<D>& piece)
+      : column_(all.find_column(Tag("pose"))), piece_(&piece) {}
+
+  bool none() const { return column_ < 0; }
+  const Rigid<D>& operator[](int place) const {
+    const auto c = static_cast<std::size_t>(column_);
+    return reinterpret_cast<const Rigid<D>*>(
+        piece_->data[c].data())[place - piece_->column_start[c]];
+  }
+
+ private:
+  int column_;
+  const Piece<D>* piece_;
+};
+
+/// Angle of a rotation, 0 .. pi.
+template <int D>
+double angle_of(const Mat<D, D>& R) {
+  if constexpr (D == 2) {
+    return std::abs(std::atan2(R(1, 0) - R(0, 1), R(0, 0) + R(1, 1)));
+  } else {
+    const Vec<3> axis(R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1));
+    return std::atan2(axis.norm(), R.trace() - 1.0);
+  }
+}
+
+struct Strained {
+  int a, b;
+  double angle;
+};
+
+template <int D>
+std::vector<Strained> strained_links(const MeasurementGraph<D>& graph, const Piece<D>& piece,
+                                     const Places& places) {
+  const Poses<D> pose(graph.variables, piece);
+  const double least_trace = D - 2 + 2.0 * std::cos(kStrained);
+  std::vector<Strained> out;
+  if (pose.none()) return out;
+  for_each_link(graph, piece, places, [&](const Link<D>& link) {
+    if (link.column->kind != &kind_of<PoseType<D>>()) return;
+    const Rigid<D>& z = *reinterpret_cast<const Rigid<D>*>(link.z());
+    const Mat<D, D> between = pose[link.from].R.transpose() * pose[link.to].R;
+    if (z.R.cwiseProduct(between).sum() > least_trace) return;  // the trace of z^T between
+    out.push_back({link.from, link.to, angle_of<D>(Mat<D, D>(z.R.transpose() * between))});
+  });
+  return out;
+}
+
+/// The representative of a set, with the path to it shortened.
+int root_of(std::vector<int>& parent, int i) {
+  const auto at = [&](int k) -> int& { return parent[static_cast<std::size_t>(k)]; };
+  while (at(i) != i) i = at(i) = at(at(i));
+  return i;
+}
+
+}  // namespace
+
+template <int D>
+std::vector<int> coiled_poses(const MeasurementGraph<D>& graph, const Piece<D>& piece,
+                              Places& places) {
+  places.mark(piece.variables);
+  const std::vector<Strained> strained = strained_links(graph, piece, places);
+  places.clear(piece.variables);
+
+  std::vector<int> poses;
+  for (const Strained& s : strained) poses.insert(poses.end(), {s.a, s.b});
+  std::sort(poses.begin(), poses.end());
+  poses.erase(std::unique(poses.begin(), poses.end()), poses.end());
+  const auto number = [&](int place) {
+    return static_cast<int>(std::lower_bound(poses.begin(), poses.end(), place) - poses.begin());
+  };
+  std::vector<int> parent(poses.size());
+  std::iota(parent.begin(), parent.end(), 0);
+  for (const Strained& s : strained)
+    parent[static_cast<std::size_t>(root_of(parent, number(s.a)))] = root_of(parent, number(s.b));
+  std::vector<double> turned(poses.size(), 0.0);
+  for (const Strained& s : strained)
+    turned[static_cast<std::size_t>(root_of(parent, number(s.a)))] += s.angle;
+
+  std::vector<int> out;
+  for (std::size_t k = 0; k < poses.size(); ++k) {
+    const int root = root_of(parent, static_cast<int>(k));
+    if (turned[static_cast<std::size_t>(root)] > kCoiled) out.push_back(poses[k]);
+  }
+  return out;
+}
+
+template <int D>
+void lay_anew(const MeasurementGraph<D>& graph, Piece<D>& piece, Places& places,
+              const std::vector<int>& poses) {
+  const VariableSet<D>& all = graph.variables;
+  std::vector<char> laid(static_cast<std::size_t>(piece.size()), 1);
+  const auto is_laid = [&](int place) -> char& { return laid[static_cast<std::size_t>(place)]; };
+  for (const int p : poses) is_laid(p) = 0;
+
+  // What touches the poses in question, and what else sees their targets.
+  std::vector<Link<D>> between, sights;
+  std::vector<char> seen_elsewhere(static_cast<std::size_t>(piece.size()), 0);
+  places.mark(piece.variables);
+  for_each_link(graph, piece, places, [&](const Link<D>& link) {
+    if (link.column->kind == &kind_of<PoseType<D>>()) {
+      if (is_laid(link.from) == 0 || is_laid(link.to) == 0) between.push_back(link);
+    } else if (is_laid(link.from) == 0) {
+      sights.push_back(link);
+    } else {
+      seen_elsewhere[static_cast<std::size_t>(link.to)] = 1;
+    }
+  });
+  places.clear(piece.variables);
+
+  // Ring by ring, from what is laid.
+  const auto pose = [&](int place) {
+    return reinterpret_cast<Rigid<D>*>(value_of(all, piece, place));
+  };
+  for (bool more = true; more;) {
+    std::vector<int> ring;
+    for (const Link<D>& link : between) {
+      if ((is_laid(link.from) == 1) == (is_laid(link.to) == 1)) continue;
+      const Rigid<D>& z = *reinterpret_cast<const Rigid<D>*>(link.z());
+      const bool forward = is_laid(link.from) == 1;
+      const int next = forward ? link.to : link.from;
+      if (is_laid(next) == 2) continue;  // in this ring already
+      *pose(next) = forward ? *pose(link.from) * z : *pose(link.to) * z.inverse();
+      is_laid(next) = 2;
+      ring.push_back(next);
+    }
+    for (const int p : ring) is_laid(p) = 1;
+    more = !ring.empty();
+  }
+
+  for (const Link<D>& link : sights) {
+    char& elsewhere = seen_elsewhere[static_cast<std::size_t>(link.to)];
+    if (elsewhere != 0 || is_laid(link.from) == 0) continue;
+    elsewhere = 1;
+    const VariableKind<D>& kind = *link.column->kind;
+    double* const x = value_of(all, piece, link.to);
+    std::copy_n(link.z(), kind.value_size, x);
+    kind.transform(*pose(link.from), x, 1);
+  }
+}
+
+#define MAPJOIN_INSTANTIATE(D)                                                                     \
+  template std::vector<int> coiled_poses<D>(const MeasurementGraph<D>&, const Piece<D>&, Places&); \
+  template void lay_anew<D>(const MeasurementGraph<D>&, Piece<D>&, Places&,                        \
+                            const std::vector<int>&);
+MAPJOIN_INSTANTIATE(2)
+MAPJOIN_INSTANTIATE(3)
+#undef MAPJOIN_INSTANTIATE
+
+}  // namespace mapjoin
