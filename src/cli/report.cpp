@@ -69,6 +69,7 @@ std::string json(const RunReport& r) {
   out["components"] = r.join.components;
   out["seconds"] = {{"read", r.seconds.read},
                     {"solve", r.seconds.solve},
+                    {"solve_processor", r.seconds.solve_processor},
                     {"refine", r.join.seconds_refine},
                     {"write", r.seconds.write}};
   out["peak_memory_bytes"] = peak_memory();

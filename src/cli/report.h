@@ -15,6 +15,8 @@ struct Seconds {
   double read = 0.0;
   double solve = 0.0;
   double write = 0.0;
+  double solve_processor =
+      0.0;  ///< of all threads, while solving: what a busy machine does not change
 };
 
 /// What `solve` and `join` say at the end.

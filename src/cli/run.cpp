@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <ctime>
 
 #include "mapjoin/cli/progress.h"
 #include "mapjoin/cli/report.h"
@@ -116,10 +117,12 @@ void run(Job job, const VariableSet<D>& variables,
 
   const Interruptible interruptible;
   const Stopwatch solving;
+  const std::clock_t before = std::clock();
   JoinResult<D> result = solve_interruptibly<D>(job.arguments, solve);
   if (anchor) into_frame(result.maps, *anchor);
   for (const Map<D>& map : result.maps) report.frames.push_back(to_string(map.anchor));
   report.seconds.solve = solving.seconds();
+  report.seconds.solve_processor = static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC;
   report.join = std::move(result.report);
   report.notes = std::move(job.notes);
 
