@@ -65,18 +65,18 @@ ObservedMap<D> observed(const LocalMap<D>& local_map) {
 }
 
 template <int D>
-Rigid<D> placement(const InformationFilter<D>& filter, const ObservedMap<D>& map) {
-  if (is_pose_anchor(map.anchor)) {
-    if (const auto start = filter.state().find(map.anchor.keys[0]))
+Rigid<D> placement(const InformationFilter<D>& filter, const Anchor<D>& anchor,
+                   const Values<D>& values) {
+  if (is_pose_anchor(anchor)) {
+    if (const auto start = filter.state().find(anchor.keys[0]))
       return *reinterpret_cast<const Rigid<D>*>(filter.state().estimate(*start));
   }
-  const Values<D> common = known(filter, map.values.variables());
-  if (const auto T = align(common, map.values)) return *T;
+  const Values<D> common = known(filter, values.variables());
+  if (const auto T = align(common, values)) return *T;
   throw DisconnectedError(fmt::format(
       "the local map of {} shares {} variable{} with those before it, which do not say where it "
       "lies; it needs the pose it starts from, or {} common points",
-      to_string(map.anchor), common.size(), common.size() == 1 ? "" : "s",
-      D == 2 ? "two" : "three"));
+      to_string(anchor), common.size(), common.size() == 1 ? "" : "s", D == 2 ? "two" : "three"));
 }
 
 template <int D>
@@ -124,11 +124,11 @@ int end_pose(const InformationFilter<D>& filter, const ObservedMap<D>& map) {
   return filter.state().find(last).value_or(-1);
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                        \
-  template ObservedMap<D> observed<D>(const LocalMap<D>&);                            \
-  template Rigid<D> placement<D>(const InformationFilter<D>&, const ObservedMap<D>&); \
-  template void add_new_variables<D>(InformationFilter<D>&, const Values<D>&);        \
-  template void add_observed<D>(InformationFilter<D>&, const MeasurementGraph<D>&);   \
+#define MAPJOIN_INSTANTIATE(D)                                                                     \
+  template ObservedMap<D> observed<D>(const LocalMap<D>&);                                         \
+  template Rigid<D> placement<D>(const InformationFilter<D>&, const Anchor<D>&, const Values<D>&); \
+  template void add_new_variables<D>(InformationFilter<D>&, const Values<D>&);                     \
+  template void add_observed<D>(InformationFilter<D>&, const MeasurementGraph<D>&);                \
   template int end_pose<D>(const InformationFilter<D>&, const ObservedMap<D>&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

@@ -26,7 +26,8 @@ ObservedMap<D> observed(const LocalMap<D>& local_map);
 /// it (as published), else by the best rigid fit over all common variables. \throws
 /// DisconnectedError that says what is missing.
 template <int D>
-Rigid<D> placement(const InformationFilter<D>& filter, const ObservedMap<D>& map);
+Rigid<D> placement(const InformationFilter<D>& filter, const Anchor<D>& anchor,
+                   const Values<D>& values);
 
 /// Initialises variables that the filter does not know yet (III-D): features first, poses last.
 template <int D>

@@ -11,13 +11,13 @@ namespace {
 
 std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
-/// Variables with their distance from the focus, the nearest first; of equals the later arrival.
+/// Features with their distance from the focus, the nearest first; of equals the later arrival.
 template <int D>
 std::vector<std::pair<double, std::int32_t>> by_distance(const FilterState<D>& state, int focus) {
   std::vector<std::pair<double, std::int32_t>> out;
   const auto here = state.position(focus);
   for (std::int32_t i = 0; i < state.size(); ++i) {
-    if (i == focus) continue;
+    if (i == focus || state.key(i).type == Tag("pose")) continue;
     const auto there = state.position(i);
     if (here && there) out.emplace_back((*there - *here).norm(), i);
   }

@@ -33,8 +33,7 @@ Fusion Slsjf<D>::fuse(const LocalMap<D>& local_map) {
   if (filter_.empty()) {
     filter_.start(map.values, map.anchor);
   } else {
-    const Rigid<D> T = placement(filter_, map);
-    map.values.transform(T);
+    map.values.transform(placement(filter_, map.anchor, map.values));
     add_new_variables(filter_, map.values);
   }
   add_observed(filter_, map.graph);
@@ -119,11 +118,24 @@ FilterResult<D> slsjf(std::span<const LocalMap<D>> local_maps, const FilterOptio
   FilterResult<D> out;
   const Slsjf<D> filter = fuse_all(local_maps, options, progress, out.report);
   out.map = filter.map();
-  const MeasurementGraph<D> graph = graph_of(local_maps);
-  const Piece<D> piece = whole_piece(graph, out.map.values);
-  Places places(graph.variables.size());
-  out.report.chi2 = ObservationList<D>(graph, piece, places).chi2(piece);
+  out.report.chi2 = chi2_of(local_maps, out.map.values);
   return out;
+}
+
+template <int D>
+double chi2_of(std::span<const LocalMap<D>> local_maps, const Values<D>& estimate) {
+  const MeasurementGraph<D> graph = graph_of(local_maps);
+  const Piece<D> piece = whole_piece(graph, estimate);
+  Places places(graph.variables.size());
+  return ObservationList<D>(graph, piece, places).chi2(piece);
+}
+
+FilterReport with_fusions(FilterReport fusions, const FilterReport& smoothing) {
+  fusions.refine_solves = smoothing.refine_solves;
+  fusions.seconds_refine = smoothing.seconds_refine;
+  fusions.chi2 = smoothing.chi2;
+  fusions.minimum = smoothing.minimum;
+  return fusions;
 }
 
 template <int D>
@@ -132,11 +144,7 @@ FilterResult<D> islsjf(std::span<const LocalMap<D>> local_maps, const FilterOpti
   FilterReport report;
   const Slsjf<D> filter = fuse_all(local_maps, options, progress, report);
   FilterResult<D> out = smooth(local_maps, filter.values(), filter.filter().anchor(), progress);
-  report.refine_solves = out.report.refine_solves;
-  report.seconds_refine = out.report.seconds_refine;
-  report.chi2 = out.report.chi2;
-  report.minimum = out.report.minimum;
-  out.report = std::move(report);
+  out.report = with_fusions(std::move(report), out.report);
   return out;
 }
 

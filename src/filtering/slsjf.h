@@ -95,6 +95,13 @@ template <int D>
 FilterResult<D> smooth(std::span<const LocalMap<D>> local_maps, const Values<D>& estimate,
                        const Anchor<D>& anchor, const ProgressCallback& progress = {});
 
+/// chi2 of an estimate of all variables of the local maps: the sum of r^T I r over them.
+template <int D>
+double chi2_of(std::span<const LocalMap<D>> local_maps, const Values<D>& estimate);
+
+/// The fusions of one report and the smoothing of another.
+FilterReport with_fusions(FilterReport fusions, const FilterReport& smoothing);
+
 extern template class Slsjf<2>;
 extern template class Slsjf<3>;
 

@@ -46,6 +46,21 @@ void add_lower(int row, int column, const Block& block, Eigen::MatrixXd& to) {
   }
 }
 
+/// A pivot below this share of the diagonal entry it came from may be rounding error (see
+/// FactorOptions::smallest_pivot).
+constexpr double kSmallestPivot = 1e-13;
+
+/// Lower triangle A = L L^T. \returns -1, or the first row that is not determined.
+int factor_determined(Eigen::Ref<Eigen::MatrixXd> A) {
+  const Eigen::VectorXd diagonal = A.diagonal();
+  const int failed = factor_lower(A);
+  const Eigen::Index end = failed < 0 ? A.rows() : failed;
+  for (Eigen::Index j = 0; j < end; ++j) {
+    if (!(A(j, j) * A(j, j) > kSmallestPivot * diagonal(j))) return static_cast<int>(j);
+  }
+  return failed;
+}
+
 /// f(variable a, variable b, block) for the blocks of clique k on and below the diagonal, column by
 /// column.
 template <class F>
@@ -148,7 +163,7 @@ int BottomCholesky::refactor(const InformationSum& sum, std::span<const std::int
   }
   reduced_ = sum.information_vector();
   forward_top(reduced_);
-  const int failed = factor_lower(L22_.topLeftCorner(bottom_scalars_, bottom_scalars_));
+  const int failed = factor_determined(L22_.topLeftCorner(bottom_scalars_, bottom_scalars_));
   return failed < 0 ? -1 : bottom_variable_of(sum, failed);
 }
 
@@ -261,7 +276,7 @@ int BottomCholesky::add(const InformationSum& sum, std::int64_t k) {
     reduced_.segment(offset_[at(v)], sum.dims[at(v)]) += vector.segment(row, sum.dims[at(v)]);
     row += sum.dims[at(v)];
   }
-  const int failed = factor_lower(M);
+  const int failed = factor_determined(M);
   L.triangularView<Eigen::Lower>() = M;
   return failed < 0 ? -1 : bottom_variable_of(sum, first + failed);
 }
