@@ -26,7 +26,9 @@ namespace {
 constexpr const char* kExamples = R"(Methods:
   linear:paper, linear:summary, linear:observe, linear:optimal
             Linear SLAM, by divide and conquer; 'linear' is the last. See 'mapjoin join --help'
-  slsjf     Sparse Local Submap Joining Filter; islsjf: smoothed at the end (I-SLSJF)
+  slsjf     Sparse Local Submap Joining Filter; islsjf: smoothed at the end (I-SLSJF);
+            slsjf:amd ordered by minimum degree alone, slsjf:whole factorised whole at every map
+            (these two only where they are named)
   dslam     D-SLAM map joining: features alone; idslam: iterated (I-DMJ)
   ekf       map joining by a dense extended Kalman filter
 Columns: chi2 over all local maps (of dslam and idslam over feature-only ones); RMSE of poses and of
@@ -58,6 +60,7 @@ struct Contestant {
   std::string label;
   Method method = Method::kLinear;
   Mode mode = Mode::kOptimal;
+  FilterOptions filter = {};
 };
 
 constexpr std::pair<const char*, Mode> kLinearModes[] = {{"linear:paper", Mode::kPaper},
@@ -65,26 +68,37 @@ constexpr std::pair<const char*, Mode> kLinearModes[] = {{"linear:paper", Mode::
                                                          {"linear:observe", Mode::kObserve},
                                                          {"linear:optimal", Mode::kOptimal}};
 
+/// \throws InputError when there is no such method.
+Contestant contestant(const std::string& word) {
+  for (const auto& [label, mode] : kLinearModes) {
+    if (word == label) return {word, Method::kLinear, mode, {}};
+  }
+  if (word == "slsjf:amd") {
+    FilterOptions filter;
+    filter.ordering = FilterOrdering::kMinimumDegree;
+    return {word, Method::kSlsjf, Mode::kOptimal, filter};
+  }
+  if (word == "slsjf:whole") {
+    FilterOptions filter;
+    filter.incremental = false;
+    return {word, Method::kSlsjf, Mode::kOptimal, filter};
+  }
+  return {word, parse_method(word), Mode::kOptimal, {}};
+}
+
 std::vector<Contestant> contestants(const std::string& list) {
   std::vector<Contestant> out;
   if (list == "all") {
-    for (const auto& [label, mode] : kLinearModes) out.push_back({label, Method::kLinear, mode});
+    for (const auto& linear : kLinearModes) out.push_back(contestant(linear.first));
     for (const Method method : kMethods) {
-      if (method != Method::kLinear) out.push_back({std::string(name(method)), method});
+      if (method != Method::kLinear) out.push_back(contestant(std::string(name(method))));
     }
     return out;
   }
   std::size_t at = 0;
   while (at <= list.size()) {
     const std::size_t end = std::min(list.find(',', at), list.size());
-    const std::string word = list.substr(at, end - at);
-    const auto* const linear = std::find_if(std::begin(kLinearModes), std::end(kLinearModes),
-                                            [&](const auto& entry) { return word == entry.first; });
-    if (linear != std::end(kLinearModes)) {
-      out.push_back({word, Method::kLinear, linear->second});
-    } else {
-      out.push_back({word, parse_method(word)});
-    }
+    out.push_back(contestant(list.substr(at, end - at)));
     at = end + 1;
   }
   return out;
@@ -119,6 +133,7 @@ Row<D> run_one(const Contestant& contestant, std::span<const LocalMap<D>> maps) 
   row.contestant = contestant;
   MethodOptions options;
   options.join.mode = contestant.mode;
+  options.filter = contestant.filter;
   options.join.tree = contestant.mode == Mode::kPaper ? TreeShape::kOrder : TreeShape::kGraph;
   ProgressBar bar;
   options.join.progress = bar.callback();

@@ -115,12 +115,19 @@ Fusion EkfJoin<D>::fuse(const LocalMap<D>& local_map) {
   const int pose = estimate_.variables().offset(*last);
   Eigen::MatrixXd J(m, kGauge<D>);  // by the last pose
   Eigen::MatrixXd turned = P_local;
+  // What the state has is linearised where the state has it, as any observation is; what is new,
+  // where it was measured.
+  const Rigid<D> back = T.inverse();
+  const std::vector<int> twin = numbers_in(both.local.variables(), estimate_.variables());
   for (int i = 0; i < both.local.size(); ++i) {
     const VariableKind<D>& kind = both.local.variables().kind(i);
     const int row = both.local.variables().offset(i);
-    const Eigen::MatrixXd turn = frame_jacobian(kind, T, both.local.value(i));
+    const double* const seen = twin[at(i)] < 0 ? both.local.value(i) : estimate_.value(twin[at(i)]);
+    std::vector<double> x(seen, seen + kind.value_size);
+    if (twin[at(i)] >= 0) kind.transform(back, x.data(), 1);
+    const Eigen::MatrixXd turn = frame_jacobian(kind, T, x.data());
     Eigen::MatrixXd g(kind.dim, kGauge<D>);
-    kind.gauge(both.local.value(i), 1, g.data());
+    kind.gauge(x.data(), 1, g.data());
     J.middleRows(row, kind.dim) = turn * g;
     turned.middleRows(row, kind.dim) = (turn * turned.middleRows(row, kind.dim)).eval();
     turned.middleCols(row, kind.dim) = (turned.middleCols(row, kind.dim) * turn.transpose()).eval();

@@ -10,9 +10,11 @@
 /// Sequential map joining by an extended Kalman filter (Tardos et al. 2002; Williams' CLSF): the
 /// dense baseline that SLSJF is measured against.
 ///
-/// The state is the last pose and every feature; the covariance matrix P is kept, dense. Fusing a
-/// local map costs O(n^2 m) for a state of n and m scalars that the local map has in common with
-/// it, and P takes 8 n^2 bytes, three times that while it is updated.
+/// The state is the last pose and every feature; the covariance matrix P is kept, dense. It
+/// linearises where SLSJF does, so it is SLSJF in another form, without the earlier poses: the two
+/// agree to rounding on points of the plane. Fusing a local map costs O(n^2 m) for a state of n and
+/// m scalars that the local map has in common with it, and P takes 8 n^2 bytes, three times that
+/// while it is updated.
 
 namespace mapjoin {
 
