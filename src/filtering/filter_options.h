@@ -31,8 +31,9 @@ struct FilterOptions {
   FilterRecovery recovery = FilterRecovery::kCholesky;
 
   /// Scalars from the bottom of the state within which a local map's variables have to be for the
-  /// order to stay. 0: the paper's rule of thumb, a tenth of the state, but never less than what
-  /// two local maps hold, nor more than 400 (as in its experiment): the bottom is dense.
+  /// order to stay. 0: the paper's rule of thumb, a tenth of the state; but never less than
+  /// 200 or what five local maps hold, nor more than 400 beyond that (as in its experiment): the
+  /// bottom is dense.
   int n0 = 0;
   /// Metres around the current pose within which variables go to the bottom when it is ordered
   /// anew. 0: the rule of thumb, as many as fill half of n0.

@@ -17,7 +17,8 @@ namespace mapjoin {
 
 namespace {
 
-constexpr int kMostN0 = 400;
+/// Bounds of the rule for n0: measured, see docs/decisions.md.
+constexpr int kLeastN0 = 200, kMostN0 = 400, kMapsInBottom = 5;
 /// Of conjugate gradients, relative to i: where the estimate has settled to rounding.
 constexpr double kResidual = 1e-12;
 
@@ -139,7 +140,8 @@ int InformationFilter<D>::rule_n0(std::span<const std::int32_t> clique) const {
   if (options_.n0 > 0) return options_.n0;
   int scalars = 0;
   for (const std::int32_t i : clique) scalars += state_.dim(i);
-  return std::max(2 * scalars, std::min(kMostN0, state_.scalars() / 10));
+  const int least = std::max(kLeastN0, kMapsInBottom * scalars);
+  return std::max(least, std::min(kMostN0, state_.scalars() / 10));
 }
 
 /// Is the order to be changed? When a variable of the local map is not among the lowest n0 scalars;
