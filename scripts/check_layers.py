@@ -17,9 +17,10 @@ LAYERS = {
     "frames": {"graph"},
     "solvers": {"graph", "frames"},
     "joining": {"graph", "frames", "solvers"},
+    "filtering": {"graph", "frames", "solvers", "joining"},
     "io": {"graph", "frames"},
     "evaluation": {"graph", "frames", "solvers"},
-    "cli": {"graph", "frames", "solvers", "joining", "io", "evaluation"},
+    "cli": {"graph", "frames", "solvers", "joining", "filtering", "io", "evaluation"},
 }
 
 # Dependencies that only these layers may include; None: any layer.

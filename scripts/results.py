@@ -20,6 +20,7 @@ from pathlib import Path
 from results_parts.bench import Bench, Report
 from results_parts.by_tests import bad_inputs, frames
 from results_parts.feature_only import feature_only
+from results_parts.filters import filters
 from results_parts.joining import lemma, observe, optimum, published
 from results_parts.numbering import recordings, shuffled_ids
 from results_parts.speed import large_worlds, scale, speed
@@ -28,7 +29,7 @@ from results_parts.uncertainty import uncertainty
 HERE = Path(__file__).resolve().parent.parent
 
 SECTIONS = [optimum, observe, published, lemma, shuffled_ids, recordings, speed, large_worlds,
-            bad_inputs, frames, scale, feature_only, uncertainty]
+            bad_inputs, frames, scale, feature_only, uncertainty, filters]
 
 
 def page(report, bench, options, seconds):

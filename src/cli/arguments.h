@@ -17,6 +17,7 @@ namespace mapjoin::cli {
 struct JoinArguments {
   std::string output;
   std::string json;
+  std::string method = "linear";  ///< of `join`
   std::string mode = "optimal";
   std::string tree;
   std::string strategy = "dc";

@@ -9,6 +9,7 @@ void add_solve(CLI::App& app);
 void add_join(CLI::App& app);
 void add_reframe(CLI::App& app);
 void add_marginalize(CLI::App& app);
+void add_compare(CLI::App& app);
 void add_covariance(CLI::App& app);
 void add_evaluate(CLI::App& app);
 void add_simulate(CLI::App& app);

@@ -7,6 +7,7 @@
 #include "mapjoin/cli/input.h"
 #include "mapjoin/cli/progress.h"
 #include "mapjoin/cli/run.h"
+#include "mapjoin/filtering/methods.h"
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/io/local_maps.h"
 #include "mapjoin/io/native_map.h"
@@ -17,11 +18,21 @@ namespace mapjoin::cli {
 
 namespace {
 
-constexpr const char* kExamples = R"(Examples:
+constexpr const char* kExamples = R"(Methods, of a folder of local maps in their order:
+  linear    Linear SLAM; --mode, --tree and --strategy say how
+  slsjf     Sparse Local Submap Joining Filter: local maps fused one after another, linearised once
+  islsjf    The same, smoothed over all local maps at the end: the optimum
+  dslam     D-SLAM map joining: a map of features alone, by what is relative among them
+  idslam    Its iterated form, I-DMJ
+  ekf       Map joining by a dense extended Kalman filter: the last pose and all features
+
+Examples:
   mapjoin join victoria_park_200 --output park.g2o
       A folder of localmap_1.txt, localmap_2.txt, ... Features are written as vertices 100000 + id.
   mapjoin join victoria_park_200 --features-only --anchor points:84,85 --output features.map
       The same with all poses marginalised out of the local maps first: D-SLAM.
+  mapjoin join victoria_park_200 --method slsjf --output park.map
+      By another method; 'mapjoin compare' runs several side by side.
   mapjoin join monday.map tuesday.map --output week.g2o
       Maps made by solve or join. Variables of equal session and id are the same variable.
   mapjoin solve monday.g2o --session 1 --output monday.map
@@ -80,6 +91,58 @@ void join_features(const Arguments& a, const LocalMapSet<D>& set, Job job) {
   }
 }
 
+/// The variables that a method's map has.
+template <int D>
+VariableSet<D> variables_of(Method method, const VariableSet<D>& all,
+                            const std::vector<LocalMap<D>>& maps) {
+  if (keeps_poses(method)) return all;
+  std::vector<int> kept;
+  for (int i = 0; i < all.size(); ++i) {
+    const Key& key = all.key(i);
+    if (key.type != Tag("pose") || key == maps.front().anchor.keys[0]) kept.push_back(i);
+  }
+  return subset(all, kept);
+}
+
+/// What a filter did, in the words of a report.
+template <int D>
+std::string note_of(const FilterReport& report) {
+  Fusion sum;
+  int reordered = 0;
+  for (const Fusion& fusion : report.fusions) {
+    sum.seconds_update += fusion.seconds_update;
+    sum.seconds_order += fusion.seconds_order;
+    sum.seconds_factor += fusion.seconds_factor;
+    sum.seconds_recover += fusion.seconds_recover;
+    reordered += fusion.reordered ? 1 : 0;
+  }
+  return fmt::format(
+      "{} maps fused, the state reordered {} times; {} scalars, {} non-zeros of the information "
+      "matrix; seconds: {:.3f} adding, {:.3f} ordering, {:.3f} factorising, {:.3f} recovering the "
+      "estimate",
+      report.fusions.size(), reordered, report.scalars, report.nonzeros, sum.seconds_update,
+      sum.seconds_order, sum.seconds_factor, sum.seconds_recover);
+}
+
+template <int D>
+JoinResult<D> join_by_filter(Method method, const LocalMapSet<D>& set, const JoinOptions& options) {
+  MethodOptions all;
+  all.join.progress = options.progress;
+  FilterResult<D> result = join_by(method, std::span<const LocalMap<D>>(set.maps), all);
+  JoinResult<D> out;
+  out.report.chi2 = out.report.chi2_linear = result.report.chi2;
+  out.report.refine_solves = result.report.refine_solves;
+  out.report.seconds_refine = result.report.seconds_refine;
+  out.report.minimum = result.report.minimum;
+  out.report.joins = static_cast<int>(result.report.fusions.size()) - 1;
+  for (const auto& column : result.map.variables().columns()) {
+    (column.kind->tag == Tag("pose") ? out.report.poses : out.report.features) += column.size();
+  }
+  out.report.notes.push_back(note_of<D>(result.report));
+  out.maps.push_back(std::move(result.map));
+  return out;
+}
+
 void join_local_maps(const Arguments& a) {
   if (!a.links.empty()) {
     throw InputError("--links goes with native maps: join the folder into a .map first");
@@ -99,7 +162,12 @@ void join_local_maps(const Arguments& a) {
         if (a.features_only) return join_features(a, set, std::move(job));
         MeasurementGraphBuilder<D> builder;  // for the variables alone
         for (const LocalMap<D>& map : set.maps) builder.add(map);
-        run<D>(std::move(job), std::move(builder).build().variables, [&](const JoinOptions& o) {
+        const VariableSet<D> variables = std::move(builder).build().variables;
+        if (const Method method = parse_method(a.join.method); method != Method::kLinear) {
+          return run<D>(std::move(job), variables_of(method, variables, set.maps),
+                        [&](const JoinOptions& o) { return join_by_filter(method, set, o); });
+        }
+        run<D>(std::move(job), variables, [&](const JoinOptions& o) {
           return join_all(std::span<const LocalMap<D>>(set.maps), o);
         });
       },
@@ -155,6 +223,17 @@ void join_maps(const Arguments& a, const std::vector<AnyMap>& any, const Stopwat
          [&](const JoinOptions& o) { return join_all(std::span<const Map<D>>(maps), links, o); });
 }
 
+/// Options that mean nothing to the methods other than the linear one, where they are given.
+void expect_linear_only(const CLI::App& command, const Arguments& a) {
+  if (parse_method(a.join.method) == Method::kLinear) return;
+  for (const char* option : {"--mode", "--tree", "--strategy", "--threads", "--memory-limit",
+                             "--scratch", "--checkpoint", "--features-only"}) {
+    if (command.get_option(option)->count() > 0)
+      throw InputError(fmt::format("{} goes with --method linear; --method {} has no such choice",
+                                   option, a.join.method));
+  }
+}
+
 void join(const Arguments& a) {
   expect_outputs(a.join);
   if (!a.merged_list.empty()) {
@@ -170,6 +249,12 @@ void join(const Arguments& a) {
         "folder into a .map first");
   }
   if (folder) return join_local_maps(a);
+  if (a.join.method != "linear") {
+    throw InputError(fmt::format(
+        "--method {} goes with a folder of local maps, whose order it follows; finished maps are "
+        "joined by the linear method",
+        a.join.method));
+  }
   if (a.features_only) {
     throw InputError(
         "--features-only goes with a folder of local maps; of native maps, 'mapjoin marginalize "
@@ -217,9 +302,18 @@ void add_join(CLI::App& app) {
           "With --features-only: which local maps each feature-only map is made of, and its "
           "frame")
       ->type_name("FILE.csv");
+  command
+      .add_option(
+          "--method", arguments->join.method,
+          "How local maps are joined: linear, slsjf, islsjf, dslam, idslam or ekf; see below")
+      ->check(CLI::IsMember({"linear", "slsjf", "islsjf", "dslam", "idslam", "ekf"}))
+      ->capture_default_str();
   add_join_arguments(command, arguments->join);
   add_examples(command, std::string(kModes) + "\n" + kExamples);
-  command.callback([arguments] { join(*arguments); });
+  command.callback([arguments, &command] {
+    expect_linear_only(command, *arguments);
+    join(*arguments);
+  });
 }
 
 }  // namespace mapjoin::cli

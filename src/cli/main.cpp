@@ -75,6 +75,7 @@ int main(int argc, char** argv) {
     mapjoin::cli::add_join(app);
     mapjoin::cli::add_reframe(app);
     mapjoin::cli::add_marginalize(app);
+    mapjoin::cli::add_compare(app);
     mapjoin::cli::add_covariance(app);
     mapjoin::cli::add_evaluate(app);
     mapjoin::cli::add_simulate(app);

@@ -32,14 +32,26 @@ std::string text(const RunReport& r) {
        r.join.components == 1
            ? "1"
            : fmt::format("{}: nothing links them, each has a file of its own", r.join.components));
-  line("mode", fmt::format("{}, {}, tree from the {}, {} joins", r.arguments.mode,
-                           r.arguments.strategy == "dc" ? "divide and conquer" : "sequential",
-                           tree_name(r), r.join.joins));
+  const bool linear = r.arguments.method == "linear";
+  if (linear) {
+    line("mode", fmt::format("{}, {}, tree from the {}, {} joins", r.arguments.mode,
+                             r.arguments.strategy == "dc" ? "divide and conquer" : "sequential",
+                             tree_name(r), r.join.joins));
+  } else {
+    line("method", r.arguments.method);
+  }
   if (r.join.resumed_joins > 0)
     line("resumed", fmt::format("{} joins were found in the checkpoint", r.join.resumed_joins));
-  line("chi2 linear", fmt::format("{:.6f} ({} a join, {} at the root)", r.join.chi2_linear,
-                                  solves(r.join.solves_per_join), r.join.root_solves));
-  if (r.arguments.mode == "optimal") {
+  if (!linear && r.arguments.method != "ekf") {
+    line("chi2", r.join.refine_solves > 0 ? fmt::format("{:.6f} (smoothed by {})", r.join.chi2,
+                                                        solves(r.join.refine_solves))
+                                          : fmt::format("{:.6f}", r.join.chi2));
+  }
+  if (linear) {
+    line("chi2 linear", fmt::format("{:.6f} ({} a join, {} at the root)", r.join.chi2_linear,
+                                    solves(r.join.solves_per_join), r.join.root_solves));
+  }
+  if (linear && r.arguments.mode == "optimal") {
     line("chi2 refined", fmt::format("{:.6f} ({})", r.join.chi2, solves(r.join.refine_solves)));
   }
   line("seconds", fmt::format("{:.3f} read, {:.3f} join, {:.3f} refine, {:.3f} write",
@@ -59,6 +71,7 @@ std::string text(const RunReport& r) {
 
 std::string json(const RunReport& r) {
   nlohmann::ordered_json out;
+  out["method"] = r.arguments.method;
   out["chi2"] = r.join.chi2;
   out["chi2_linear"] = r.join.chi2_linear;
   out["solves_per_join"] = r.join.solves_per_join;

@@ -8,7 +8,7 @@ using ::testing::HasSubstr;
 class Help : public Workbench {};
 
 const char* const kCommands[] = {"solve",    "join",     "reframe", "marginalize", "covariance",
-                                 "evaluate", "simulate", "info",    "demo"};
+                                 "evaluate", "simulate", "info",    "demo",        "compare"};
 
 TEST_F(Help, OfTheProgramNamesAllCommandsAndExitCodes) {
   const std::string help = run({"--help"});

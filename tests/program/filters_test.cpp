@@ -1,0 +1,146 @@
+// Filters and comparisons, as a user runs them.
+
+#include <nlohmann/json.hpp>
+
+#include "mapjoin/io/local_maps.h"
+#include "tests/program/workbench.h"
+#include "tests/support/local_map_chain.h"
+
+namespace mapjoin::test {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class Filters : public Workbench {
+ protected:
+  /// A folder of local maps of a small walk.
+  std::string local_maps() const {
+    LocalMapSet<2> set;
+    set.pose_feature = true;
+    auto chain = random_chain<2>(1, {.maps = 10, .features = 60, .noise = 0.02});
+    for (LocalMap<2>& map : chain.maps) {
+      for (Key& key : map.keys) ++key.id;  // the format has no id 0
+      for (Key& key : map.anchor.keys) ++key.id;
+      set.maps.push_back(std::move(map));
+    }
+    write_local_maps(file("maps"), set);
+    return file("maps");
+  }
+  static nlohmann::json read_json(const std::string& path) {
+    std::ifstream in(path);
+    return nlohmann::json::parse(in);
+  }
+};
+
+TEST_F(Filters, JoinLocalMapsByEveryMethod) {
+  const std::string maps = local_maps();
+  run({"join", maps, "--output", file("optimum.g2o")});
+  for (const std::string method : {"slsjf", "islsjf", "dslam", "idslam", "ekf"}) {
+    const std::string out = run({"join", maps, "--method", method, "--output",
+                                 file(method + ".g2o"), "--json", file(method + ".json")});
+    EXPECT_THAT(out, HasSubstr("method        " + method));
+    EXPECT_THAT(out, HasSubstr("10 maps fused"));
+    EXPECT_EQ(read_json(file(method + ".json"))["method"], method);
+    const std::string judged =
+        run({"evaluate", file(method + ".g2o"), "--reference", file("optimum.g2o")});
+    EXPECT_LT(figure(judged, "aligned_feature_rmse"), 0.05) << method;
+  }
+  const std::string judged =
+      run({"evaluate", file("islsjf.g2o"), "--maps", maps, "--reference", file("optimum.g2o")});
+  EXPECT_LT(figure(judged, "pose_rmse"), 1e-4);
+}
+
+TEST_F(Filters, WriteMapsThatCanBeUsedFurther) {
+  const std::string maps = local_maps();
+  run({"join", maps, "--method", "slsjf", "--output", file("a.map")});
+  run({"marginalize", file("a.map"), "--keep", "features", "--output", file("features.map")});
+  run({"join", maps, "--method", "ekf", "--output", file("b.map"), "--anchor", "pose:1"});
+  EXPECT_THAT(run({"covariance", file("b.map")}), Not(HasSubstr("nan")));
+}
+
+TEST_F(Filters, RefuseWhatGoesWithTheLinearMethod) {
+  const std::string maps = local_maps();
+  expect_refused({"join", maps, "--method", "slsjf", "--mode", "paper", "--output", file("x.g2o")},
+                 "--mode goes with --method linear");
+  expect_refused({"join", maps, "--method", "ekf", "--features-only", "--output", file("x.g2o")},
+                 "--features-only goes with --method linear");
+  expect_refused({"join", maps, "--method", "kalman", "--output", file("x.g2o")}, "--method");
+  run({"join", maps, "--output", file("a.map")});
+  expect_refused({"join", file("a.map"), "--method", "slsjf", "--output", file("x.g2o")},
+                 "goes with a folder of local maps");
+  expect_refused(
+      {"join", maps, "--method", "dslam", "--anchor", "pose:5", "--output", file("x.g2o")},
+      "pose:5");
+}
+
+TEST_F(Filters, AreComparedInOneTable) {
+  const std::string maps = local_maps();
+  const std::string out = run({"compare", maps, "--json", file("table.json")});
+  for (const char* method :
+       {"linear:paper", "linear:optimal", "slsjf", "islsjf", "dslam", "idslam", "ekf"}) {
+    EXPECT_THAT(out, HasSubstr(method));
+  }
+  const nlohmann::json table = read_json(file("table.json"));
+  ASSERT_EQ(table.size(), 9U);
+  double optimum = 0.0;
+  for (const auto& row : table) {
+    EXPECT_FALSE(row.contains("failure")) << row;
+    EXPECT_GT(row["seconds"], 0.0);
+    if (row["method"] == "linear:optimal") optimum = row["chi2"];
+  }
+  for (const auto& row : table) {
+    if (row["method"] == "islsjf") {
+      EXPECT_NEAR(row["chi2"], optimum, 1e-6 * optimum);
+    } else if (row["method"] == "slsjf") {
+      EXPECT_EQ(row["seconds_per_map"].size(), 10U);
+    }
+  }
+}
+
+TEST_F(Filters, AreComparedWithAReferenceAndTheTruth) {
+  const std::string maps = local_maps();
+  run({"join", maps, "--output", file("reference.g2o")});
+  const auto chain = random_chain<2>(1, {.maps = 10, .features = 60, .noise = 0.02});
+  std::string csv = "id,x,y\n";
+  for (const Key& key : keys_of(chain.truth)) {
+    if (key.type != Tag("point")) continue;
+    const Vec<2> p = chain.truth.point(key);
+    csv +=
+        std::to_string(key.id + 1) + "," + std::to_string(p(0)) + "," + std::to_string(p(1)) + "\n";
+  }
+  const std::string out =
+      run({"compare", maps, "--methods", "slsjf,ekf,linear", "--reference", file("reference.g2o"),
+           "--truth", write("truth.csv", csv), "--json", file("table.json")});
+  EXPECT_THAT(out, HasSubstr("NEES"));
+  for (const auto& row : read_json(file("table.json"))) {
+    EXPECT_GT(row["nees"], 0.0);
+    EXPECT_LT(row["feature_rmse"], 0.1);
+  }
+}
+
+TEST_F(Filters, AreNotComparedOnNothing) {
+  const std::string maps = local_maps();
+  expect_refused({"compare", maps, "--methods", "slsjf,best"}, "there is no method 'best'");
+  expect_refused({"compare", file("nowhere")}, "nowhere");
+  expect_refused({"compare", maps, "--truth", file("nowhere.csv")}, "nowhere.csv");
+}
+
+TEST_F(Filters, SayInTheirRowWhatTheyCannotJoin) {
+  LocalMapSet<2> set;
+  set.pose_feature = true;
+  auto chain = random_chain<2>(1, {.maps = 6, .features = 60, .noise = 0.02});
+  for (std::size_t k = 0; k < chain.maps.size(); ++k) {
+    LocalMap<2> map = chain.maps[k];
+    for (Key& key : map.keys) ++key.id;
+    for (Key& key : map.anchor.keys) ++key.id;
+    if (k == 3) map.anchor.keys[0].id = 100;  // begins at a pose that nothing else knows
+    set.maps.push_back(std::move(map));
+  }
+  write_local_maps(file("maps"), set);
+  const std::string out = run({"compare", file("maps"), "--methods", "ekf,slsjf"});
+  EXPECT_THAT(out, HasSubstr("pose:100 does not begin where the one before it ends"));
+}
+
+}  // namespace
+}  // namespace mapjoin::test
