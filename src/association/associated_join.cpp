@@ -132,9 +132,8 @@ void name_variables(const OwnKeys<D>& own, Found& found, AssociatedMaps<D>& out)
 
 /// "point:5 of local map 3", by what the local map calls it.
 std::string sighting_name(const std::vector<Sighting>& sightings, const Key& key) {
-  const auto found =
-      std::lower_bound(sightings.begin(), sightings.end(), key,
-                       [](const Sighting& s, const Key& k) { return s.key < k; });
+  const auto found = std::lower_bound(sightings.begin(), sightings.end(), key,
+                                      [](const Sighting& s, const Key& k) { return s.key < k; });
   if (found == sightings.end() || found->key != key) return to_string(key);
   return fmt::format("{} of local map {}", to_string(found->original), found->local_map + 1);
 }
@@ -150,8 +149,8 @@ AssociatedMaps<D> join_associating(std::span<const LocalMap<D>> local_maps,
   const auto name = [&](const Key& key) { return sighting_name(own.sightings, key); };
   Found names(own.sightings);
   AssociatedMaps<D> out;
-  out.joined = walk<D>(
-      own.local_maps, strategy, progress, [&](const Stretch<D>& a, const Stretch<D>& b) {
+  out.joined =
+      walk<D>(own.local_maps, strategy, progress, [&](const Stretch<D>& a, const Stretch<D>& b) {
         const ComparedMaps<D> maps = in_common_frame(a.map, b.map);
         const Association found = associate<D>(maps, options, {});
         add_up(found, out.report);
@@ -191,11 +190,10 @@ AssociationReport check_given_matches(std::span<const LocalMap<D>> local_maps, d
   return report;
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                              \
-  template AssociatedMaps<D> join_associating<D>(std::span<const LocalMap<D>>,              \
-                                                 const AssociationOptions&, Strategy,       \
-                                                 const ProgressCallback&);                  \
-  template AssociationReport check_given_matches<D>(std::span<const LocalMap<D>>, double,   \
+#define MAPJOIN_INSTANTIATE(D)                                                                     \
+  template AssociatedMaps<D> join_associating<D>(                                                  \
+      std::span<const LocalMap<D>>, const AssociationOptions&, Strategy, const ProgressCallback&); \
+  template AssociationReport check_given_matches<D>(std::span<const LocalMap<D>>, double,          \
                                                     Strategy, const ProgressCallback&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

@@ -14,10 +14,10 @@
 /// with data association.
 ///
 /// The maps are joined in order, in pairs of neighbours (divide and conquer, Linear SLAM section
-/// 5.2) or each onto all before it (section 5.1). Every join associates first: what the two maps know
-/// about one another by then, all of it, decides what is the same. A joined map is a summary, one
-/// linear solve a join. The outcome is the joined map; and the local maps under the names that were
-/// found, which any other join, filter or mode can start from.
+/// 5.2) or each onto all before it (section 5.1). Every join associates first: what the two maps
+/// know about one another by then, all of it, decides what is the same. A joined map is a summary,
+/// one linear solve a join. The outcome is the joined map; and the local maps under the names that
+/// were found, which any other join, filter or mode can start from.
 
 namespace mapjoin {
 
@@ -47,16 +47,17 @@ struct AssociatedMaps {
 };
 
 /// Associates and joins local maps. Neighbours must share by key what fixes one to the other: the
-/// pose where one ends and the next starts. \throws DisconnectedError that names the local maps that
-/// do not; SingularError; CancelledError; InputError.
+/// pose where one ends and the next starts. \throws DisconnectedError that names the local maps
+/// that do not; SingularError; CancelledError; InputError.
 template <int D>
 AssociatedMaps<D> join_associating(std::span<const LocalMap<D>> local_maps,
                                    const AssociationOptions& options = {},
                                    Strategy strategy = Strategy::kDivideAndConquer,
                                    const ProgressCallback& progress = {});
 
-/// Tests the given data association in the same way: every join of the same walk checks what its two
-/// maps share by key (check_matches.h). \returns a report of suspicious matches. Errors as above.
+/// Tests the given data association in the same way: every join of the same walk checks what its
+/// two maps share by key (check_matches.h). \returns a report of suspicious matches. Errors as
+/// above.
 template <int D>
 AssociationReport check_given_matches(std::span<const LocalMap<D>> local_maps,
                                       double false_alarm = 0.01,

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "mapjoin/association/hypothesis.h"
+#include "mapjoin/association/rivals.h"
 
 namespace mapjoin {
 
@@ -47,16 +48,17 @@ int Association::ambiguous() const {
 int Association::suspicious() const {
   const auto flagged =
       std::count_if(known.begin(), known.end(), [](const TestedPair& p) { return p.flagged; });
-  return static_cast<int>(
-      flagged + std::count_if(matches.begin(), matches.end(),
-                              [](const Match& m) { return m.suspicious; }));
+  return static_cast<int>(flagged + std::count_if(matches.begin(), matches.end(),
+                                                  [](const Match& m) { return m.suspicious; }));
 }
 
 template <int D>
 Association associate(const ComparedMaps<D>& maps, const AssociationOptions& options,
                       std::span<const int> only_a) {
   const CandidatePairs pairs = candidate_pairs(maps, options.candidates, only_a);
-  const Matching matching = match(pairs, options.matcher, options.joint);
+  Matching matching = match(pairs, options.matcher, options.joint);
+  if (options.odds > 0.0)
+    matching.pairs = certain_matches(pairs, std::move(matching.pairs), options.odds);
   const std::vector<int> others = also_possible(pairs, matching);
   const auto tested = test_pairs<D>(maps, pairs, matching.pairs, options.false_alarm);
 
@@ -95,9 +97,9 @@ std::vector<std::pair<Key, Key>> names_in_a(const Association& association) {
   return out;
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                              \
+#define MAPJOIN_INSTANTIATE(D)                                                                \
   template Association associate<D>(const Map<D>&, const Map<D>&, const AssociationOptions&); \
-  template Association associate<D>(const ComparedMaps<D>&, const AssociationOptions&,      \
+  template Association associate<D>(const ComparedMaps<D>&, const AssociationOptions&,        \
                                     std::span<const int>);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

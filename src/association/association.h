@@ -16,8 +16,8 @@
 ///     const Map<2> joined = join(a, rename_keys(b, names_in_a(found)));
 ///
 /// What has equal keys in both maps is the same variable, as everywhere in mapjoin; the rest is
-/// matched. So keys that mean nothing across maps must differ (own_keys() in associated_join.h makes
-/// them so). Any join, filter or mode goes on from there.
+/// matched. So keys that mean nothing across maps must differ (own_keys() in associated_join.h
+/// makes them so). Any join, filter or mode goes on from there.
 
 namespace mapjoin {
 
@@ -25,6 +25,9 @@ struct AssociationOptions {
   Matcher matcher = Matcher::kJoint;
   CandidateOptions candidates;
   JointOptions joint;
+  /// Matches that are no better than chance are not made, nor those of which another hypothesis is
+  /// nearly as likely: by less than this factor (rivals.h). 0: all are made that the matcher finds.
+  double odds = 1000.0;
   /// Probability that a join of right matches is reported to hold a wrong one; see check_matches.h.
   double false_alarm = 0.01;
 };
@@ -48,7 +51,7 @@ struct Association {
   std::vector<Key> doubtful;
   /// What the maps share by key, tested against the matches. Suspicious ones are flagged.
   std::vector<TestedPair> known;
-  bool complete = true;  ///< false: joint compatibility was cut short (JointOptions)
+  bool complete = true;         ///< false: joint compatibility was cut short (JointOptions)
   std::int64_t candidates = 0;  ///< pairs within the gate
   std::int64_t hypotheses = 0;  ///< that the matcher looked at
 
@@ -57,7 +60,8 @@ struct Association {
 };
 
 /// Which variables of B are in A: candidates (candidates.h), a matcher (matchers.h), and a test of
-/// what it found (check_matches.h).
+/// what it found (check_matches.h). What could as well be chance or otherwise is not matched
+/// (rivals.h); such variables are `doubtful`.
 ///
 /// The maps must share by key what fixes the frame they are compared in: a pose, or points.
 /// \throws DisconnectedError when they do not (see constellations.h); SingularError; InputError for

@@ -2,16 +2,19 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numbers>
 #include <optional>
 #include <utility>
-
-#include <Eigen/Eigenvalues>
 
 #include "mapjoin/evaluation/chi_squared.h"
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/change_frame.h"
+#include "mapjoin/graph/builtin_types.h"
 #include "mapjoin/joining/common_points.h"
 #include "mapjoin/solvers/covariance.h"
 #include "mapjoin/solvers/relative.h"
@@ -65,10 +68,31 @@ Spots<D> spots_of(const Map<D>& map, const Covariance<D>& covariance, std::vecto
   return out;
 }
 
+/// Of points, the density at which the nearest neighbour is as far as half of them have theirs:
+/// 1 / (4 d^2) in the plane, where d is its mean; 0.17 / d^3 in space. 0 for fewer than two.
+template <int D>
+double density_of_points(const Values<D>& values) {
+  const std::span<const Vec<D>> points = values.template column<PointType<D>>();
+  std::vector<double> nearest;
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t l = 0; l < points.size(); ++l) {
+      if (l != k) least = std::min(least, (points[k] - points[l]).norm());
+    }
+    if (std::isfinite(least) && least > 0.0) nearest.push_back(least);
+  }
+  if (nearest.empty()) return 0.0;
+  std::nth_element(nearest.begin(),
+                   nearest.begin() + static_cast<std::ptrdiff_t>(nearest.size() / 2),
+                   nearest.end());
+  const double d = nearest[nearest.size() / 2];
+  return D == 2 ? 0.25 / (d * d) : 0.17 / (d * d * d);
+}
+
 using NumberPairs = std::vector<std::pair<int, int>>;  // (b, a)
 
-/// All pairs near enough, by a sweep along x. `reach(va, vb)` is the farthest that a pair with these
-/// variances may be apart.
+/// All pairs near enough, by a sweep along x. `reach(va, vb)` is the farthest that a pair with
+/// these variances may be apart.
 template <int D, class Reach>
 void sweep(const Spots<D>& a, const Spots<D>& b, const Reach& reach, NumberPairs& out) {
   std::vector<std::size_t> order(a.variables.size());
@@ -81,8 +105,9 @@ void sweep(const Spots<D>& a, const Spots<D>& b, const Reach& reach, NumberPairs
   for (std::size_t j = 0; j < b.variables.size(); ++j) {
     const double x = b.positions[j](0);
     const double window = reach(widest, b.variance[j]);
-    auto k = std::lower_bound(order.begin(), order.end(), x - window,
-                              [&](std::size_t l, double least) { return a.positions[l](0) < least; });
+    auto k =
+        std::lower_bound(order.begin(), order.end(), x - window,
+                         [&](std::size_t l, double least) { return a.positions[l](0) < least; });
     for (; k != order.end() && a.positions[*k](0) <= x + window; ++k) {
       if ((a.positions[*k] - b.positions[j]).norm() <= reach(a.variance[*k], b.variance[j]))
         out.emplace_back(b.variables[j], a.variables[*k]);
@@ -134,13 +159,16 @@ class PairMaker {
     for (const CandidatePairs::Pair& pair : out.pairs) all.emplace_back(pair.b, pair.a);
     std::sort(near.begin(), near.end());
     all.insert(all.end(), near.begin(), near.end());
-    return within_gate(make(all, out.known), options.gate);
+    out = within_gate(make(all, out.known), options.gate);
+    set_density(out, options.density);
+    return out;
   }
 
  private:
   /// A pose, or the point at the origin: no uncertainty is left of it, and no innovation.
   bool pinned_whole(const Key& key) const {
-    return !maps_.b.anchor.keys.empty() && key == maps_.b.anchor.keys[0] && key == maps_.a.anchor.keys[0];
+    return !maps_.b.anchor.keys.empty() && key == maps_.b.anchor.keys[0] &&
+           key == maps_.a.anchor.keys[0];
   }
 
   void find_near(std::vector<int> a, std::vector<int> b, const CandidateOptions& options,
@@ -154,18 +182,20 @@ class PairMaker {
     }
     const double gate = chi_squared_quantile(options.gate, maps_.a.variables().dim(a[0]));
     const double farthest = options.max_distance;
-    sweep(spots_of(maps_.a, covariance_a_, std::move(a)),
-          spots_of(maps_.b, covariance_b_, std::move(b)),
-          [&](double va, double vb) {
-            const double reach = std::sqrt(gate * (va + vb));
-            return farthest > 0.0 ? std::min(farthest, reach) : reach;
-          },
-          out);
+    sweep(
+        spots_of(maps_.a, covariance_a_, std::move(a)),
+        spots_of(maps_.b, covariance_b_, std::move(b)),
+        [&](double va, double vb) {
+          const double reach = std::sqrt(gate * (va + vb));
+          return farthest > 0.0 ? std::min(farthest, reach) : reach;
+        },
+        out);
   }
 
   /// Innovations and joint covariances of pairs (b, a), the first `known` of them known.
   CandidatePairs make(const NumberPairs& numbers, int known) const;
   CandidatePairs within_gate(CandidatePairs pairs, double probability) const;
+  void set_density(CandidatePairs& pairs, double of_points) const;
 
   const ComparedMaps<D>& maps_;
   Covariance<D> covariance_a_, covariance_b_;
@@ -214,8 +244,8 @@ CandidatePairs PairMaker<D>::make(const NumberPairs& numbers, int known) const {
   int row = 0;
   for (const auto& [b, a] : numbers) {
     const int dim = maps_.a.variables().dim(a);
-    out.pairs.push_back({a, b, dim, row, row_a[at(a)], row_b[at(b)],
-                         static_cast<std::int64_t>(out.slopes.size())});
+    out.pairs.push_back(
+        {a, b, dim, row, row_a[at(a)], row_b[at(b)], static_cast<std::int64_t>(out.slopes.size())});
     out.slopes.resize(out.slopes.size() + at(dim) * at(dim));
     row += dim;
   }
@@ -240,13 +270,30 @@ CandidatePairs PairMaker<D>::within_gate(CandidatePairs pairs, double probabilit
   for (int p = 0; p < pairs.size(); ++p) {
     const CandidatePairs::Pair& pair = pairs.pairs[at(p)];
     const Eigen::VectorXd r = pairs.innovation(p);
-    if (p < pairs.known ||
-        r.dot(pairs.covariance(p, p).ldlt().solve(r)) <= gates[at(pair.dim)])
+    if (p < pairs.known || r.dot(pairs.covariance(p, p).ldlt().solve(r)) <= gates[at(pair.dim)])
       kept.emplace_back(pair.b, pair.a);
   }
   if (kept.size() < pairs.pairs.size()) pairs = make(kept, pairs.known);
   pairs.gates = std::move(gates);
   return pairs;
+}
+
+template <int D>
+void PairMaker<D>::set_density(CandidatePairs& pairs, double of_points) const {
+  if (of_points <= 0.0) of_points = density_of_points<D>(maps_.b.values);
+  if (of_points <= 0.0) of_points = density_of_points<D>(maps_.a.values);
+  for (int p = 0; p < pairs.size(); ++p) {
+    const CandidatePairs::Pair& pair = pairs.pairs[at(p)];
+    if (of_points > 0.0 && maps_.a.variables().kind(pair.a).tag == Tag("point")) {
+      pairs.log_density.push_back(std::log(of_points));
+      continue;
+    }
+    double sum = -0.5 * pairs.gate_of(p);  // log N(r; 0, S) at the gate
+    for (const double d : Eigen::VectorXd(pairs.covariance(p, p).ldlt().vectorD()))
+      sum -=
+          0.5 * std::log(2.0 * std::numbers::pi * std::max(d, std::numeric_limits<double>::min()));
+    pairs.log_density.push_back(sum);
+  }
 }
 
 }  // namespace
@@ -306,10 +353,10 @@ CandidatePairs candidate_pairs(const ComparedMaps<D>& maps, const CandidateOptio
   return PairMaker<D>(maps).candidates(options, only_a);
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                        \
-  template bool may_be_matched<D>(const VariableKind<D>&, const CandidateOptions&); \
-  template ComparedMaps<D> in_common_frame<D>(const Map<D>&, const Map<D>&);          \
-  template CandidatePairs common_pairs<D>(const ComparedMaps<D>&);                    \
+#define MAPJOIN_INSTANTIATE(D)                                                                \
+  template bool may_be_matched<D>(const VariableKind<D>&, const CandidateOptions&);           \
+  template ComparedMaps<D> in_common_frame<D>(const Map<D>&, const Map<D>&);                  \
+  template CandidatePairs common_pairs<D>(const ComparedMaps<D>&);                            \
   template CandidatePairs candidate_pairs<D>(const ComparedMaps<D>&, const CandidateOptions&, \
                                              std::span<const int>);
 MAPJOIN_INSTANTIATE(2)

@@ -34,6 +34,9 @@ struct CandidateOptions {
   /// Pairs farther apart than this in the common frame are not considered [m]; 0: whatever the
   /// gate allows. Of types that have no position all are.
   double max_distance = 0.0;
+  /// Points per square (cubic) metre to expect near any place [1/m^2, 1/m^3]; 0: estimated from B's
+  /// points, by the median distance to the nearest.
+  double density = 0.0;
   /// Types that may be matched; empty: all but poses, and but those that no frame touches (two
   /// biases of the same size are not the same bias).
   std::vector<Tag> types;
@@ -50,22 +53,26 @@ bool may_be_matched(const VariableKind<D>& kind, const CandidateOptions& options
 /// the common frame pins is not among the pairs, as it is the same in both by construction.
 struct CandidatePairs {
   struct Pair {
-    int a = 0;    ///< number of the variable in map A
-    int b = 0;    ///< in map B
-    int dim = 0;  ///< of its tangent
-    int row = 0;  ///< first of its rows in `innovations`
-    int row_a = 0;  ///< first row of a in covariance_a
-    int row_b = 0;  ///< first row of b in covariance_b
+    int a = 0;               ///< number of the variable in map A
+    int b = 0;               ///< in map B
+    int dim = 0;             ///< of its tangent
+    int row = 0;             ///< first of its rows in `innovations`
+    int row_a = 0;           ///< first row of a in covariance_a
+    int row_b = 0;           ///< first row of b in covariance_b
     std::int64_t slope = 0;  ///< first double of J in `slopes`: dim x dim, column-major
   };
   int known = 0;
   std::vector<Pair> pairs;
-  Eigen::VectorXd innovations;   ///< r of all pairs, stacked
+  Eigen::VectorXd innovations;  ///< r of all pairs, stacked
   std::vector<double> slopes;
   Eigen::MatrixXd covariance_a;  ///< joint covariance of the variables of A that stand in a pair
   Eigen::MatrixXd covariance_b;  ///< the same of B
   /// Chi-squared bound of a pair's innovation given others; by dimension, [0] is not used.
   std::vector<double> gates;
+  /// Of each pair, the logarithm of how many variables of its type to expect near any place, by
+  /// volume of its tangent. Of types other than points, as many as make a pair at the gate no
+  /// likelier than chance, before any other is known.
+  std::vector<double> log_density;
 
   int size() const { return static_cast<int>(pairs.size()); }
   auto innovation(int p) const {
@@ -87,9 +94,9 @@ struct ComparedMaps {
   Map<D> a, b;
 };
 
-/// Writes both maps in a frame that they share: that of the pose where B starts if A has it, else of
-/// the lowest pose in both, else of common points that both can tell apart.
-/// \throws DisconnectedError when the maps have no such variables by key: give them some first
+/// Writes both maps in a frame that they share: that of the pose where B starts if A has it, else
+/// of the lowest pose in both, else of common points that both can tell apart. \throws
+/// DisconnectedError when the maps have no such variables by key: give them some first
 /// (constellations.h finds them by geometry).
 template <int D>
 ComparedMaps<D> in_common_frame(const Map<D>& a, const Map<D>& b);

@@ -6,8 +6,9 @@
 #include "mapjoin/association/candidates.h"
 
 /// \file
-/// A wrong match does not pass silently. Every pair of variables that a join fuses is tested against
-/// all the others that the join fuses: does what they say of it agree with what it says itself?
+/// A wrong match does not pass silently. Every pair of variables that a join fuses is tested
+/// against all the others that the join fuses: does what they say of it agree with what it says
+/// itself?
 ///
 /// With the innovations r of all fused pairs, their joint covariance S and K = S^-1, the innovation
 /// of pair p given all others is K_pp^-1 (K r)_p with covariance K_pp^-1, so that
@@ -21,9 +22,9 @@ namespace mapjoin {
 
 /// A fused pair and how well it agrees with the rest.
 struct TestedPair {
-  Key a, b;           ///< the variable's key in either map (equal, where it was given by key)
-  double chi2 = 0.0;  ///< of its innovation given all pairs that are not flagged
-  int dimension = 0;  ///< degrees of freedom; 0: the frame pins it, so it cannot be tested
+  Key a, b;              ///< the variable's key in either map (equal, where it was given by key)
+  double chi2 = 0.0;     ///< of its innovation given all pairs that are not flagged
+  int dimension = 0;     ///< degrees of freedom; 0: the frame pins it, so it cannot be tested
   double bound = 0.0;    ///< what chi2 stays below unless something is wrong
   bool flagged = false;  ///< it does not
 };

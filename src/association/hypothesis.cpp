@@ -1,6 +1,7 @@
 #include "mapjoin/association/hypothesis.h"
 
 #include <cmath>
+#include <numbers>
 
 namespace mapjoin {
 
@@ -42,7 +43,8 @@ Hypothesis::Hypothesis(const CandidatePairs& pairs)
     : pairs_(pairs),
       innovations_(pairs.innovations),
       variances_(pairs.innovations.size()),
-      added_(pairs.pairs.size()) {
+      added_(pairs.pairs.size()),
+      log_likelihood_(pairs.pairs.size()) {
   for (int p = 0; p < pairs.size(); ++p) {
     block_start_.push_back(blocks_.size());
     const Eigen::MatrixXd S = pairs.covariance(p, p);
@@ -52,7 +54,7 @@ Hypothesis::Hypothesis(const CandidatePairs& pairs)
   for (int p = 0; p < pairs.known; ++p) condition(p);
   chi2_ = 0.0;
   dimension_ = 0;
-  update_added();
+  judge_pairs();
 }
 
 Eigen::Map<const Eigen::MatrixXd> Hypothesis::spread(int p) const {
@@ -69,8 +71,8 @@ void Hypothesis::condition(int p) {
 
   Eigen::MatrixXd column = pairs_.covariance_with(p);
   if (columns_ > 0)
-    column.noalias() -= factor_.leftCols(columns_) *
-                        factor_.block(pair.row, 0, pair.dim, columns_).transpose();
+    column.noalias() -=
+        factor_.leftCols(columns_) * factor_.block(pair.row, 0, pair.dim, columns_).transpose();
   for (Eigen::Index i = 0; i < column.rows(); ++i) solve(L, column.row(i));
   innovations_.noalias() -= column * y;
   for (std::size_t q = 0; q < pairs_.pairs.size(); ++q) {
@@ -87,7 +89,7 @@ void Hypothesis::condition(int p) {
   dimension_ += pair.dim;
 }
 
-void Hypothesis::update_added() {
+void Hypothesis::judge_pairs() {
   Eigen::MatrixXd L;
   Eigen::VectorXd y;
   for (std::size_t q = 0; q < pairs_.pairs.size(); ++q) {
@@ -97,13 +99,18 @@ void Hypothesis::update_added() {
     y = innovations_.segment(pair.row, pair.dim);
     solve(L, y);
     added_[q] = y.squaredNorm();
+    log_likelihood_[q] = -0.5 * added_[q];
+    for (Eigen::Index k = 0; k < L.rows(); ++k) {
+      if (L(k, k) > 0.0)
+        log_likelihood_[q] -= std::log(L(k, k)) + 0.5 * std::log(2.0 * std::numbers::pi);
+    }
   }
 }
 
 void Hypothesis::take(int p) {
-  saved_.push_back({innovations_, blocks_, added_, chi2_, dimension_, columns_});
+  saved_.push_back({innovations_, blocks_, added_, log_likelihood_, chi2_, dimension_, columns_});
   condition(p);
-  update_added();
+  judge_pairs();
   taken_.push_back(p);
 }
 
@@ -112,6 +119,7 @@ void Hypothesis::drop() {
   innovations_ = std::move(last.innovations);
   blocks_ = std::move(last.blocks);
   added_ = std::move(last.added);
+  log_likelihood_ = std::move(last.log_likelihood);
   chi2_ = last.chi2;
   dimension_ = last.dimension;
   columns_ = last.columns;

@@ -31,16 +31,19 @@ class Hypothesis {
 
   /// The chi2 that p would add given what is taken.
   double added(int p) const { return added_[static_cast<std::size_t>(p)]; }
+  /// log N(r; 0, S) of the innovation of p given what is taken; without the directions that have no
+  /// variance.
+  double log_likelihood(int p) const { return log_likelihood_[static_cast<std::size_t>(p)]; }
   /// Covariance of the innovation of p given what is taken: dim x dim.
   Eigen::Map<const Eigen::MatrixXd> spread(int p) const;
 
  private:
   void condition(int p);
-  void update_added();
+  void judge_pairs();
 
   struct Saved {
     Eigen::VectorXd innovations;
-    std::vector<double> blocks, added;
+    std::vector<double> blocks, added, log_likelihood;
     double chi2;
     int dimension;
     Eigen::Index columns;
@@ -50,8 +53,8 @@ class Hypothesis {
   Eigen::VectorXd innovations_;  // given what is taken
   std::vector<double> blocks_;   // S_pp given what is taken, one after another
   std::vector<std::size_t> block_start_;
-  Eigen::VectorXd variances_;   // of the innovations before anything was taken
-  std::vector<double> added_;   // per pair
+  Eigen::VectorXd variances_;                   // of the innovations before anything was taken
+  std::vector<double> added_, log_likelihood_;  // per pair
   Eigen::MatrixXd factor_;  // first columns_ columns: rows of all pairs of the Cholesky factor
   Eigen::Index columns_ = 0;
   std::vector<int> taken_;

@@ -34,7 +34,8 @@ class JointSearch {
       : pairs_(pairs), options_(options), gates_(options.gate), hypothesis_(pairs) {
     int most_a = -1;
     for (int p = pairs.known; p < pairs.size(); ++p) {
-      const bool new_variable = p == pairs.known || pairs.pairs[at(p)].b != pairs.pairs[at(p) - 1].b;
+      const bool new_variable =
+          p == pairs.known || pairs.pairs[at(p)].b != pairs.pairs[at(p) - 1].b;
       if (new_variable) first_.push_back(p);
       most_a = std::max(most_a, pairs.pairs[at(p)].a);
     }
@@ -70,39 +71,57 @@ class JointSearch {
                gates_(hypothesis_.dimension() + pairs_.pairs[at(p)].dim);
   }
 
-  /// Looks at the hypothesis as it is: is it the best so far, and can it become so?
-  void open() {
-    ++best_.hypotheses;
-    const auto taken = hypothesis_.taken().size();
-    if (taken > best_.pairs.size() ||
-        (taken == best_.pairs.size() && hypothesis_.chi2() < best_chi2_)) {
-      best_.pairs = hypothesis_.taken();
-      best_chi2_ = hypothesis_.chi2();
-    }
-    std::size_t capacity = 0;  // variables that have a candidate left
-    int chosen = -1, fewest = std::numeric_limits<int>::max();
+  /// What is left to decide: the next variable, and the most that can come of it.
+  struct Outlook {
+    std::size_t variables = 0;  ///< that have a candidate left
+    int next = -1;              ///< the one to decide next
+    double chi2 = 0.0;  ///< of the hypothesis and of the best candidate of each, each on its own
+  };
+
+  Outlook look_ahead() {
+    Outlook out;
+    out.chi2 = hypothesis_.chi2();
+    int fewest = std::numeric_limits<int>::max();
     double least = 0.0;
     for (std::size_t v = 0; v < decided_.size(); ++v) {
       if (decided_[v]) continue;
       int count = 0;
       double variance = std::numeric_limits<double>::infinity();
+      double nearest = variance;
       for (int p = first_[v]; p < first_[v + 1]; ++p) {
         if (!possible(p)) continue;
         ++count;
         variance = std::min(variance, hypothesis_.spread(p).trace());
+        nearest = std::min(nearest, hypothesis_.added(p));
       }
       if (count == 0) continue;
-      ++capacity;
+      ++out.variables;
+      out.chi2 += nearest;
       if (count < fewest || (count == fewest && variance < least)) {
         fewest = count;
         least = variance;
-        chosen = static_cast<int>(v);
+        out.next = static_cast<int>(v);
       }
     }
-    const std::size_t bound = taken + capacity;
-    if (capacity == 0 || bound < best_.pairs.size() ||
-        (bound == best_.pairs.size() && hypothesis_.chi2() >= best_chi2_))
+    return out;
+  }
+
+  /// Looks at the hypothesis as it is: is it the best so far, and can more come of it? Of those
+  /// that promise as many pairs as the best has, only if it promises less chi2.
+  void open() {
+    ++best_.hypotheses;
+    const std::size_t taken = hypothesis_.taken().size();
+    if (taken > best_.pairs.size() ||
+        (taken == best_.pairs.size() && hypothesis_.chi2() < best_chi2_)) {
+      best_.pairs = hypothesis_.taken();
+      best_chi2_ = hypothesis_.chi2();
+    }
+    const Outlook ahead = look_ahead();
+    const std::size_t bound = taken + ahead.variables;
+    if (ahead.variables == 0 || bound < best_.pairs.size() ||
+        (bound == best_.pairs.size() && ahead.chi2 >= best_chi2_))
       return;
+    const int chosen = ahead.next;
     Level level{chosen, {}, 0};
     for (int p = first_[at(chosen)]; p < first_[at(chosen) + 1]; ++p) {
       if (possible(p)) level.options.push_back(p);

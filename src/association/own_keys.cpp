@@ -52,14 +52,15 @@ OwnKeys<D> own_keys(std::span<const LocalMap<D>> local_maps, const CandidateOpti
 
 AssociationScore score(std::span<const Key> found, std::span<const Key> named) {
   if (found.size() != named.size())
-    throw InputError("a score needs both names of every sighting: what was found, and what is true");
+    throw InputError(
+        "a score needs both names of every sighting: what was found, and what is true");
   std::vector<std::pair<Key, Key>> both;
   for (std::size_t k = 0; k < found.size(); ++k) both.emplace_back(found[k], named[k]);
   return {equal_pairs(std::vector<Key>(found.begin(), found.end())),
           equal_pairs(std::vector<Key>(named.begin(), named.end())), equal_pairs(std::move(both))};
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                             \
+#define MAPJOIN_INSTANTIATE(D) \
   template OwnKeys<D> own_keys<D>(std::span<const LocalMap<D>>, const CandidateOptions&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

@@ -32,9 +32,9 @@ OwnKeys<D> own_keys(std::span<const LocalMap<D>> local_maps, const CandidateOpti
 
 /// How well sightings were put together, judged by their true names.
 ///
-/// Counted are pairs of sightings: of all that are one variable by association, the part that is one
-/// by name (precision); of all that are one by name, the part that is one by association (recall). A
-/// variable that falls apart into two, or two that fuse, count by all their sightings.
+/// Counted are pairs of sightings: of all that are one variable by association, the part that is
+/// one by name (precision); of all that are one by name, the part that is one by association
+/// (recall). A variable that falls apart into two, or two that fuse, count by all their sightings.
 struct AssociationScore {
   std::int64_t found = 0;   ///< pairs of sightings put together
   std::int64_t wanted = 0;  ///< pairs of sightings with the same name

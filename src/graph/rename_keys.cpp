@@ -52,8 +52,8 @@ LocalMap<D> renamed_submap(const MeasurementGraph<D>& graph, std::size_t k,
 }
 
 /// The information in the order of the new keys: variable i becomes place[i].
-SymmetricBlockMatrix permuted(const SymmetricBlockMatrix& information, const std::vector<int>& place,
-                              std::vector<int> offsets) {
+SymmetricBlockMatrix permuted(const SymmetricBlockMatrix& information,
+                              const std::vector<int>& place, std::vector<int> offsets) {
   if (information.size() == 0) return {};
   std::vector<std::pair<int, int>> pattern;
   for (int j = 0; j < information.size(); ++j) {
@@ -124,8 +124,8 @@ Map<D> rename_keys(const Map<D>& map, const Renaming& renaming) {
   rename_anchor(out.anchor, renaming);
   rename_anchor(out.solved_in, renaming);
   if (map.observations != nullptr)
-    out.observations = std::make_shared<const MeasurementGraph<D>>(
-        rename_keys(*map.observations, renaming));
+    out.observations =
+        std::make_shared<const MeasurementGraph<D>>(rename_keys(*map.observations, renaming));
   return out;
 }
 
@@ -154,9 +154,9 @@ MeasurementGraph<D> rename_keys(const MeasurementGraph<D>& graph, const Renaming
   return std::move(builder).build();
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                              \
-  template Map<D> rename_keys<D>(const Map<D>&, const Renaming&);                           \
-  template LocalMap<D> rename_keys<D>(LocalMap<D>, const Renaming&);                        \
+#define MAPJOIN_INSTANTIATE(D)                                       \
+  template Map<D> rename_keys<D>(const Map<D>&, const Renaming&);    \
+  template LocalMap<D> rename_keys<D>(LocalMap<D>, const Renaming&); \
   template MeasurementGraph<D> rename_keys<D>(const MeasurementGraph<D>&, const Renaming&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)
