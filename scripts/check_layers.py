@@ -19,7 +19,8 @@ LAYERS = {
     "joining": {"graph", "frames", "solvers"},
     "io": {"graph", "frames"},
     "evaluation": {"graph", "frames", "solvers"},
-    "cli": {"graph", "frames", "solvers", "joining", "io", "evaluation"},
+    "association": {"graph", "frames", "solvers", "joining", "evaluation"},
+    "cli": {"graph", "frames", "solvers", "joining", "io", "evaluation", "association"},
 }
 
 # Dependencies that only these layers may include; None: any layer.

@@ -2,9 +2,11 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "mapjoin/association/associated_join.h"
 #include "mapjoin/cli/arguments.h"
 #include "mapjoin/joining/options.h"
 
@@ -17,6 +19,13 @@ struct Seconds {
   double write = 0.0;
 };
 
+/// What data association found.
+struct AssociationSummary {
+  std::string matcher;  ///< as --associate has it; "given": names were tested, not found
+  AssociationReport report;
+  std::optional<AssociationScore> score;  ///< by the names in the files
+};
+
 /// What `solve` and `join` say at the end.
 struct RunReport {
   const JoinArguments& arguments;
@@ -26,6 +35,7 @@ struct RunReport {
   std::vector<std::filesystem::path> written;
   std::vector<std::string> notes;
   Seconds seconds;
+  std::optional<AssociationSummary> association{};
 };
 
 /// The report in words, for people.

@@ -120,6 +120,7 @@ void run(Job job, const VariableSet<D>& variables,
   report.seconds.solve = solving.seconds();
   report.join = std::move(result.report);
   report.notes = std::move(job.notes);
+  report.association = std::move(job.association);
 
   OutputFiles files;
   const Stopwatch writing;
