@@ -160,27 +160,26 @@ class PlacementSearch {
     }
   }
 
-  /// All placements that fit enough points, the one that fits most first.
   struct Found {
     Rigid<D> a_from_b;
     std::vector<std::pair<int, int>> pairs;  // (b, a)
   };
-  std::vector<Found> run(std::size_t least) {
-    std::vector<Found> out;
+
+  /// Looks at all triangles that agree.
+  void run() {
     for (const Triangle& t : b_.triangles) {
       const double window = gate_ * std::sqrt(t.variances[2] + widest_);
       auto u = std::lower_bound(a_.triangles.begin(), a_.triangles.end(), t.sides[2] - window,
                                 [](const Triangle& x, double side) { return x.sides[2] < side; });
       for (; u != a_.triangles.end() && u->sides[2] <= t.sides[2] + window; ++u) {
-        if (agree(*u, t)) try_placement(*u, t, least, out);
+        if (agree(*u, t)) try_placement(*u, t);
       }
     }
-    std::stable_sort(out.begin(), out.end(), [](const Found& x, const Found& y) {
-      return x.pairs.size() > y.pairs.size();
-    });
-    return out;
   }
+  const Found& best() const { return best_; }    ///< that fits most points
+  const Found& rival() const { return rival_; }  ///< of those that differ from it
 
+ private:
   /// Do two placements put the points that either fits in different places?
   bool differ(const Found& x, const Found& y) const {
     std::size_t apart = 0;
@@ -191,7 +190,6 @@ class PlacementSearch {
     return 2 * apart > y.pairs.size();
   }
 
- private:
   bool agree(const Triangle& x, const Triangle& y) const {
     for (std::size_t k = 0; k < 3; ++k) {
       const double bound = gate_ * std::sqrt(x.variances[k] + y.variances[k]);
@@ -219,28 +217,31 @@ class PlacementSearch {
     return out;
   }
 
-  void try_placement(const Triangle& x, const Triangle& y, std::size_t least,
-                     std::vector<Found>& out) const {
-    std::vector<std::pair<int, int>> pairs;
-    for (std::size_t k = 0; k < 3; ++k) pairs.emplace_back(y.corners[k], x.corners[k]);
-    std::optional<Rigid<D>> T = fit(pairs);
+  void try_placement(const Triangle& x, const Triangle& y) {
+    Found here;
+    for (std::size_t k = 0; k < 3; ++k) here.pairs.emplace_back(y.corners[k], x.corners[k]);
+    std::optional<Rigid<D>> T = fit(here.pairs);
     if (!T) return;
-    for (const auto& [b, a] : pairs) {  // a mirror image does not fit
+    for (const auto& [b, a] : here.pairs) {  // a mirror image does not fit
       if ((*T * b_.points[at(b)] - a_.points[at(a)]).norm() > within_) return;
     }
-    for (const Found& known : out) {
-      if (!differ(known, {*T, pairs})) return;  // found before
-    }
+    here.a_from_b = *T;
+    if (known(here)) return;
     for (int round = 0; round < 3; ++round) {  // fit again by all that fit
-      pairs = fitting(*T);
-      if (pairs.size() < least) return;
-      T = fit(pairs);
+      here.pairs = fitting(here.a_from_b);
+      if (here.pairs.size() <= std::max<std::size_t>(3, rival_.pairs.size())) return;
+      T = fit(here.pairs);
       if (!T) return;
+      here.a_from_b = *T;
     }
-    for (const Found& known : out) {
-      if (!differ(known, {*T, pairs})) return;
-    }
-    out.push_back({*T, std::move(pairs)});
+    if (known(here)) return;
+    if (here.pairs.size() > best_.pairs.size()) std::swap(here, best_);
+    if (here.pairs.size() > rival_.pairs.size() && differ(best_, here)) rival_ = std::move(here);
+  }
+
+  bool known(const Found& here) const {
+    return (!best_.pairs.empty() && !differ(best_, here)) ||
+           (!rival_.pairs.empty() && !differ(rival_, here));
   }
 
   const Sky<D>& a_;
@@ -248,6 +249,7 @@ class PlacementSearch {
   double gate_;
   NearestPoint<D> near_;
   double spacing_ = 0.0, within_ = 0.0, widest_ = 0.0;
+  Found best_, rival_;
 };
 
 template <int D>
@@ -263,15 +265,12 @@ Judged<D> judge(const Map<D>& a, const Map<D>& b, const ConstellationOptions& op
   Judged<D> out;
   if (in_a.points.size() < 3 || in_b.points.size() < 3) return out;
   PlacementSearch<D> search(in_a, in_b, options);
-  const auto found = search.run(3);
-  if (found.empty()) return out;
-  out.best = static_cast<int>(found[0].pairs.size());
-  for (std::size_t k = 1; k < found.size() && out.rival == 0; ++k) {
-    if (search.differ(found[0], found[k])) out.rival = static_cast<int>(found[k].pairs.size());
-  }
+  search.run();
+  out.best = static_cast<int>(search.best().pairs.size());
+  out.rival = static_cast<int>(search.rival().pairs.size());
   if (out.best < options.least_matches || out.best < options.least_ratio * out.rival) return out;
-  Placement<D> placement{found[0].a_from_b, {}, out.rival};
-  for (const auto& [j, i] : found[0].pairs)
+  Placement<D> placement{search.best().a_from_b, {}, out.rival};
+  for (const auto& [j, i] : search.best().pairs)
     placement.names.emplace_back(in_b.keys[at(j)], in_a.keys[at(i)]);
   out.placement = std::move(placement);
   return out;

@@ -22,7 +22,8 @@ inline std::string matlab_variable(const std::string& name, const Eigen::MatrixX
   append_words(body, {1, static_cast<std::uint32_t>(name.size())});
   body += name;
   while (body.size() % 8 != 0) body += '\0';
-  const auto bytes = static_cast<std::uint32_t>(sizeof(double) * static_cast<std::size_t>(matrix.size()));
+  const auto bytes =
+      static_cast<std::uint32_t>(sizeof(double) * static_cast<std::size_t>(matrix.size()));
   append_words(body, {9, bytes});
   body.append(reinterpret_cast<const char*>(matrix.data()), bytes);
   std::string out;

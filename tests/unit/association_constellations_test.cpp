@@ -119,7 +119,7 @@ TYPED_TEST(Constellations, LeadToTheJoinOfSessions) {
   const Map<D> wednesday = in_session(stretch(world, 7, 12), 2);
   const std::vector<Map<D>> maps{monday, tuesday, wednesday};
   const AssociatedSessions<D> found = associate_sessions(std::span<const Map<D>>(maps));
-  EXPECT_TRUE(found.report.warnings.empty());
+  EXPECT_THAT(found.report.warnings, ::testing::IsEmpty());
   const JoinResult<D> joined = join_all(std::span<const Map<D>>(found.maps), {});
   ASSERT_EQ(joined.maps.size(), 1U);
   // The same place in two sessions' names is the same place.

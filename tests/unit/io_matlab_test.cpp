@@ -83,8 +83,8 @@ TEST_F(MatlabMaps, GiveWayToTextInAFolderOfBoth) {
 }
 
 TEST_F(MatlabMaps, AreRefusedWhenTheyEndEarly) {
-  const std::string whole = matlab_file({{"localmap_st", state({0, 0, 0})},
-                                         {"localmap_P", Eigen::Matrix3d::Identity()}});
+  const std::string whole =
+      matlab_file({{"localmap_st", state({0, 0, 0})}, {"localmap_P", Eigen::Matrix3d::Identity()}});
   for (const std::size_t size : {std::size_t{0}, std::size_t{60}, std::size_t{130},
                                  std::size_t{180}, whole.size() - 8, whole.size() - 1}) {
     SCOPED_TRACE(size);
