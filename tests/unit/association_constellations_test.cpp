@@ -115,8 +115,8 @@ TYPED_TEST(Constellations, LeadToTheJoinOfSessions) {
   Dice dice(8);
   const Wandering<D> world = wander<D>(dice, {});
   const Map<D> monday = stretch(world, 0, 6);
-  const Map<D> tuesday = in_session(stretch(world, 4, 9), 1);
-  const Map<D> wednesday = in_session(stretch(world, 7, 12), 2);
+  const Map<D> tuesday = in_session(stretch(world, 3, 9), 1);
+  const Map<D> wednesday = in_session(stretch(world, 6, 12), 2);
   const std::vector<Map<D>> maps{monday, tuesday, wednesday};
   const AssociatedSessions<D> found = associate_sessions(std::span<const Map<D>>(maps));
   EXPECT_THAT(found.report.warnings, ::testing::IsEmpty());
