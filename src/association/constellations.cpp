@@ -226,7 +226,7 @@ class PlacementSearch {
       if ((*T * b_.points[at(b)] - a_.points[at(a)]).norm() > within_) return;
     }
     here.a_from_b = *T;
-    if (known(here)) return;
+    if (explains(best_, here) || explains(rival_, here)) return;
     for (int round = 0; round < 3; ++round) {  // fit again by all that fit
       here.pairs = fitting(here.a_from_b);
       if (here.pairs.size() <= std::max<std::size_t>(3, rival_.pairs.size())) return;
@@ -234,14 +234,16 @@ class PlacementSearch {
       if (!T) return;
       here.a_from_b = *T;
     }
-    if (known(here)) return;
     if (here.pairs.size() > best_.pairs.size()) std::swap(here, best_);
     if (here.pairs.size() > rival_.pairs.size() && differ(best_, here)) rival_ = std::move(here);
+    if (!differ(best_, rival_)) rival_.pairs.clear();
   }
 
-  bool known(const Found& here) const {
-    return (!best_.pairs.empty() && !differ(best_, here)) ||
-           (!rival_.pairs.empty() && !differ(rival_, here));
+  /// Has a placement all pairs of another? Its pairs are in ascending order.
+  static bool explains(const Found& placement, const Found& triangle) {
+    return std::all_of(triangle.pairs.begin(), triangle.pairs.end(), [&](const auto& pair) {
+      return std::binary_search(placement.pairs.begin(), placement.pairs.end(), pair);
+    });
   }
 
   const Sky<D>& a_;
