@@ -20,7 +20,8 @@ LAYERS = {
     "filtering": {"graph", "frames", "solvers", "joining"},
     "io": {"graph", "frames"},
     "evaluation": {"graph", "frames", "solvers"},
-    "cli": {"graph", "frames", "solvers", "joining", "filtering", "io", "evaluation"},
+    "association": {"graph", "frames", "solvers", "joining", "evaluation"},
+    "cli": {"graph", "frames", "solvers", "joining", "filtering", "io", "evaluation", "association"},
 }
 
 # Dependencies that only these layers may include; None: any layer.

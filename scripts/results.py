@@ -17,6 +17,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from results_parts.association import association
 from results_parts.bench import Bench, Report
 from results_parts.by_tests import bad_inputs, frames
 from results_parts.feature_only import feature_only
@@ -29,7 +30,7 @@ from results_parts.uncertainty import uncertainty
 HERE = Path(__file__).resolve().parent.parent
 
 SECTIONS = [optimum, observe, published, lemma, shuffled_ids, recordings, speed, large_worlds,
-            bad_inputs, frames, scale, feature_only, uncertainty, filters]
+            bad_inputs, frames, scale, feature_only, uncertainty, filters, association]
 
 
 def page(report, bench, options, seconds):

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <memory>
 
+#include "mapjoin/association/sessions.h"
 #include "mapjoin/cli/commands.h"
 #include "mapjoin/cli/input.h"
 #include "mapjoin/cli/progress.h"
@@ -28,13 +29,17 @@ constexpr const char* kExamples = R"(Methods, of a folder of local maps in their
 
 Examples:
   mapjoin join victoria_park_200 --output park.g2o
-      A folder of localmap_1.txt, localmap_2.txt, ... Features are written as vertices 100000 + id.
+      A folder of localmap_1.txt, localmap_2.txt, ... (or .mat). Features are written as vertices 100000 + id.
   mapjoin join victoria_park_200 --features-only --anchor points:84,85 --output features.map
       The same with all poses marginalised out of the local maps first: D-SLAM.
   mapjoin join victoria_park_200 --method slsjf --output park.map
       By another method; 'mapjoin compare' runs several side by side.
+  mapjoin join victoria_park_200 --associate jcbb --judge --output park.g2o
+      The same without using its features' numbers but to judge what was found.
   mapjoin join monday.map tuesday.map --output week.g2o
       Maps made by solve or join. Variables of equal session and id are the same variable.
+  mapjoin join monday.map tuesday.map --associate jcbb --output week.map
+      Two recordings of one place that share no names: found by their features.
   mapjoin solve monday.g2o --session 1 --output monday.map
   mapjoin solve tuesday.g2o --session 2 --output tuesday.map
   mapjoin join monday.map tuesday.map --links links.g2o --output week.map
@@ -42,11 +47,18 @@ Examples:
       them: ids in links.g2o are written 1/12 (pose 12 of session 1).
 )";
 
+constexpr double kFalseAlarm = 0.01;  // of a join whose matches are all right
+
 struct Arguments {
   std::vector<std::string> inputs;
   std::string links;
   bool features_only = false;
   std::string merged_list;
+  std::string associate = "given";
+  double gate = 0.9999;
+  double odds = 1000.0;
+  bool check_matches = false;
+  bool judge = false;
   JoinArguments join;
 };
 
@@ -143,6 +155,40 @@ JoinResult<D> join_by_filter(Method method, const LocalMapSet<D>& set, const Joi
   return out;
 }
 
+AssociationOptions association_options(const Arguments& a) {
+  AssociationOptions options;
+  if (a.associate == "nn") options.matcher = Matcher::kNearest;
+  if (a.associate == "gnn") options.matcher = Matcher::kGlobal;
+  options.candidates.gate = options.joint.gate = a.gate;
+  options.odds = a.odds;
+  return options;
+}
+
+/// Finds out which features of the local maps are the same, or tests what their names say.
+template <int D>
+void associate(const Arguments& a, LocalMapSet<D>& set, Job& job) {
+  const bool find = a.associate != "given";
+  if (!find && !a.check_matches) return;
+  const Interruptible interruptible;
+  ProgressBar bar;
+  const Strategy strategy = join_options(a.join).strategy;
+  AssociationSummary summary{a.associate, {}, {}};
+  if (!find) {
+    summary.report = check_given_matches<D>(set.maps, kFalseAlarm, strategy, bar.callback());
+  } else {
+    AssociatedMaps<D> found =
+        join_associating<D>(set.maps, association_options(a), strategy, bar.callback());
+    if (a.judge) {
+      std::vector<Key> named;
+      for (const Sighting& sighting : found.sightings) named.push_back(sighting.original);
+      summary.score = score(found.names, named);
+    }
+    set.maps = std::move(found.local_maps);
+    summary.report = std::move(found.report);
+  }
+  job.association = std::move(summary);
+}
+
 void join_local_maps(const Arguments& a) {
   if (!a.links.empty()) {
     throw InputError("--links goes with native maps: join the folder into a .map first");
@@ -151,14 +197,15 @@ void join_local_maps(const Arguments& a) {
   LocalMapOptions options;
   options.session = a.join.session;
   options.indefinite = information_policy(a.join.indefinite);
-  const AnyLocalMapSet any = read_local_maps(a.inputs[0], options);
+  AnyLocalMapSet any = read_local_maps(a.inputs[0], options);
   std::visit(
-      [&]<int D>(const LocalMapSet<D>& set) {
+      [&]<int D>(LocalMapSet<D>& set) {
         Job job{a.join, reading.seconds(), static_cast<std::int64_t>(set.maps.size()), {}, true,
                 {}};
         G2oCounts counts;
         counts.repaired = set.repaired;
         job.notes = notes_of(counts);
+        associate(a, set, job);
         if (a.features_only) return join_features(a, set, std::move(job));
         MeasurementGraphBuilder<D> builder;  // for the variables alone
         for (const LocalMap<D>& map : set.maps) builder.add(map);
@@ -209,10 +256,15 @@ void join_maps(const Arguments& a, const std::vector<AnyMap>& any, const Stopwat
     }
     maps.push_back(*map);
   }
+  Job job{a.join, 0.0, 0, {}, false, {}};
+  if (a.associate != "given") {
+    auto found = associate_sessions(std::span<const Map<D>>(maps), association_options(a));
+    maps = std::move(found.maps);
+    job.association = AssociationSummary{a.associate, std::move(found.report), {}};
+  }
   std::vector<const VariableSet<D>*> sets;
   for (const Map<D>& map : maps) sets.push_back(&map.variables());
   const VariableSet<D> variables = unite<D>(sets);
-  Job job{a.join, 0.0, 0, {}, false, {}};
   const MeasurementGraph<D> links = read_links<D>(a, variables, job.notes);
   job.read_seconds = reading.seconds();
   job.measurements = static_cast<std::int64_t>(links.size());
@@ -240,6 +292,8 @@ void join(const Arguments& a) {
     if (!a.features_only) throw InputError("--merged-list goes with --features-only");
     OutputFiles::expect(a.merged_list);
   }
+  if (a.judge && a.associate == "given")
+    throw InputError("--judge goes with --associate nn, gnn or jcbb: it judges what those find");
   const bool folder = std::any_of(a.inputs.begin(), a.inputs.end(), [](const std::string& path) {
     return input_format(path) == InputFormat::kLocalMaps;
   });
@@ -255,6 +309,8 @@ void join(const Arguments& a) {
         "joined by the linear method",
         a.join.method));
   }
+  if (a.judge || a.check_matches)
+    throw InputError("--judge and --check-matches go with a folder of local maps");
   if (a.features_only) {
     throw InputError(
         "--features-only goes with a folder of local maps; of native maps, 'mapjoin marginalize "
@@ -284,7 +340,8 @@ void add_join(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand("join", "Join local maps, or maps made before");
   command
-      .add_option("maps", arguments->inputs, "A folder of localmap_K.txt, or native maps (.map)")
+      .add_option("maps", arguments->inputs,
+                  "A folder of localmap_K.txt or .mat, or native maps (.map)")
       ->type_name("FOLDER|MAP")
       ->required();
   command
@@ -308,6 +365,33 @@ void add_join(CLI::App& app) {
           "How local maps are joined: linear, slsjf, islsjf, dslam, idslam or ekf; see below")
       ->check(CLI::IsMember({"linear", "slsjf", "islsjf", "dslam", "idslam", "ekf"}))
       ->capture_default_str();
+  command
+      .add_option(
+          "--associate", arguments->associate,
+          "Which features of the maps are the same: as they are numbered (given), or found by "
+          "nearest neighbour (nn), global nearest neighbour (gnn) or "
+          "joint compatibility (jcbb). In a folder, what is found is numbered from 1; native "
+          "maps that share nothing are laid on one another by their features first")
+      ->check(CLI::IsMember({"given", "nn", "gnn", "jcbb"}))
+      ->capture_default_str();
+  command
+      .add_option("--gate", arguments->gate,
+                  "With --associate: probability with which a right match is within the gate")
+      ->type_name("P")
+      ->capture_default_str();
+  command
+      .add_option("--odds", arguments->odds,
+                  "With --associate: how many times as likely as any other choice a match must be; "
+                  "0: the matcher decides alone")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("N")
+      ->capture_default_str();
+  command.add_flag(
+      "--check-matches", arguments->check_matches,
+      "With given numbers: test in every join whether each feature that is joined agrees "
+      "with the others. With --associate this is always done");
+  command.add_flag("--judge", arguments->judge,
+                   "With --associate: print precision and recall by the numbers in the files");
   add_join_arguments(command, arguments->join);
   add_examples(command, std::string(kModes) + "\n" + kExamples);
   command.callback([arguments, &command] {

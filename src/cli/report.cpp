@@ -18,6 +18,56 @@ std::string_view tree_name(const RunReport& r) {
   return join_options(r.arguments).tree == TreeShape::kOrder ? "order" : "graph";
 }
 
+constexpr std::size_t kMostWarnings = 10;  // in words; all of them are in the JSON
+
+template <class Line>
+void describe(const AssociationSummary& a, const Line& line) {
+  const AssociationReport& r = a.report;
+  if (a.matcher == "given") {
+    line("matches",
+         fmt::format("{} given, {} do not agree with the others", r.matches, r.suspicious));
+  } else {
+    line("association",
+         fmt::format("{}: {} sightings of {} features", a.matcher, r.sightings, r.variables));
+    line("matches", fmt::format("{}, {} of them ambiguous; {} features not clearly new; {} do not "
+                                "agree with the others",
+                                r.matches, r.ambiguous, r.doubtful, r.suspicious));
+  }
+  if (r.cut_short > 0)
+    line("warning",
+         fmt::format("the search for joint compatibility was cut short in {} joins", r.cut_short));
+  for (std::size_t k = 0; k < r.warnings.size() && k < kMostWarnings; ++k)
+    line("warning", r.warnings[k]);
+  if (r.warnings.size() > kMostWarnings)
+    line("warning",
+         fmt::format("and {} more like it: see --json", r.warnings.size() - kMostWarnings));
+  if (a.score)
+    line("judged", fmt::format("precision {:.5f}, recall {:.5f}, by pairs of sightings",
+                               a.score->precision(), a.score->recall()));
+}
+
+nlohmann::ordered_json to_json(const AssociationSummary& a) {
+  const AssociationReport& r = a.report;
+  nlohmann::ordered_json out;
+  out["matcher"] = a.matcher;
+  if (a.matcher != "given") {
+    out["sightings"] = r.sightings;
+    out["features"] = r.variables;
+    out["ambiguous"] = r.ambiguous;
+    out["doubtful"] = r.doubtful;
+    out["cut_short"] = r.cut_short;
+  }
+  out["matches"] = r.matches;
+  out["suspicious"] = r.suspicious;
+  out["warnings"] = r.warnings;
+  out["seconds"] = r.seconds;
+  if (a.score) {
+    out["precision"] = a.score->precision();
+    out["recall"] = a.score->recall();
+  }
+  return out;
+}
+
 }  // namespace
 
 std::string text(const RunReport& r) {
@@ -47,6 +97,7 @@ std::string text(const RunReport& r) {
                                                         solves(r.join.refine_solves))
                                           : fmt::format("{:.6f}", r.join.chi2));
   }
+  if (r.association) describe(*r.association, line);
   if (linear) {
     line("chi2 linear", fmt::format("{:.6f} ({} a join, {} at the root)", r.join.chi2_linear,
                                     solves(r.join.solves_per_join), r.join.root_solves));
@@ -98,6 +149,7 @@ std::string json(const RunReport& r) {
   out["frames"] = r.frames;
   out["outputs"] = nlohmann::json::array();
   for (const auto& path : r.written) out["outputs"].push_back(path.string());
+  if (r.association) out["association"] = to_json(*r.association);
   out["notes"] = r.join.notes;
   for (const std::string& note : r.notes) out["notes"].push_back(note);
   return out.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";

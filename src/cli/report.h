@@ -2,9 +2,11 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "mapjoin/association/associated_join.h"
 #include "mapjoin/cli/arguments.h"
 #include "mapjoin/joining/options.h"
 
@@ -19,6 +21,13 @@ struct Seconds {
       0.0;  ///< of all threads, while solving: what a busy machine does not change
 };
 
+/// What data association found.
+struct AssociationSummary {
+  std::string matcher;  ///< as --associate has it; "given": names were tested, not found
+  AssociationReport report;
+  std::optional<AssociationScore> score;  ///< by the names in the files
+};
+
 /// What `solve` and `join` say at the end.
 struct RunReport {
   const JoinArguments& arguments;
@@ -28,6 +37,7 @@ struct RunReport {
   std::vector<std::filesystem::path> written;
   std::vector<std::string> notes;
   Seconds seconds;
+  std::optional<AssociationSummary> association{};
 };
 
 /// The report in words, for people.

@@ -125,6 +125,7 @@ void run(Job job, const VariableSet<D>& variables,
   report.seconds.solve_processor = static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC;
   report.join = std::move(result.report);
   report.notes = std::move(job.notes);
+  report.association = std::move(job.association);
 
   OutputFiles files;
   const Stopwatch writing;

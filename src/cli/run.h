@@ -8,6 +8,7 @@
 
 #include "mapjoin/cli/arguments.h"
 #include "mapjoin/cli/output.h"
+#include "mapjoin/cli/report.h"
 
 namespace mapjoin::cli {
 
@@ -19,6 +20,7 @@ struct Job {
   std::optional<Key> fixed;  ///< a pose that the input fixes: the frame, unless --anchor is given
   bool feature_offset = false;  ///< write features with ids 100000 and more higher
   std::vector<std::string> notes;
+  std::optional<AssociationSummary> association{};
 };
 
 /// Solves, writes all pieces and the figures, and prints the report.

@@ -27,6 +27,10 @@
 /// Rx(c): yaw, pitch, roll. The information is of these numbers; on reading it is brought into the
 /// tangent of the library's poses (euler_chart.h). That is where 3D poses with a pitch of +-90
 /// degrees are refused: their angles say nothing about roll and yaw apart.
+///
+/// The same as MATLAB files: a folder of localmap_K.mat with `localmap_st`, n rows of id and value,
+/// and `localmap_P`, the n x n covariance matrix of the values. Map K is written in the frame of
+/// pose K - 1; id 0 is pose K, where it ends; positive ids are features. Only in builds with matio.
 
 namespace mapjoin {
 
@@ -47,12 +51,13 @@ struct LocalMapSet {
 
 using AnyLocalMapSet = std::variant<LocalMapSet<2>, LocalMapSet<3>>;
 
-/// Reads a folder of localmap_K.txt. K must be without gaps; it need not begin at 1. Other files
-/// are ignored.
+/// Reads a folder of localmap_K.txt, or where it has none of localmap_K.mat. K must be without
+/// gaps; it need not begin at 1. Other files are ignored.
 ///
 /// \throws InputError with file and line: missing numbers K, runs that are no variable, a state and
 /// matrix of different size, numbers that are not finite, a matrix that is not symmetric (1e-6
-/// relative) or, by policy, not positive semidefinite; FileError.
+/// relative) or, by policy, not positive semidefinite; MATLAB files that hold something else, or a
+/// build that cannot read them; FileError.
 AnyLocalMapSet read_local_maps(const std::filesystem::path& folder,
                                const LocalMapOptions& options = {});
 
