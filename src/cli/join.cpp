@@ -8,6 +8,7 @@
 #include "mapjoin/cli/progress.h"
 #include "mapjoin/cli/run.h"
 #include "mapjoin/frames/anchors.h"
+#include "mapjoin/io/local_map_files.h"
 #include "mapjoin/io/local_maps.h"
 #include "mapjoin/io/native_map.h"
 #include "mapjoin/joining/features_only.h"
@@ -155,8 +156,22 @@ void join_maps(const Arguments& a, const std::vector<AnyMap>& any, const Stopwat
          [&](const JoinOptions& o) { return join_all(std::span<const Map<D>>(maps), links, o); });
 }
 
-void join(const Arguments& a) {
+/// The localmap_K.map of a folder, in order of K, where there are any.
+std::vector<std::string> native_maps_in(const std::string& folder) {
+  std::vector<std::string> out;
+  for (const detail::LocalMapFile& file : detail::local_map_files(folder, ".map"))
+    out.push_back(file.path.string());
+  return out;
+}
+
+void join(const Arguments& given) {
+  Arguments a = given;
   expect_outputs(a.join);
+  if (a.inputs.size() == 1 && input_format(a.inputs[0]) == InputFormat::kLocalMaps &&
+      !a.features_only) {
+    const std::vector<std::string> maps = native_maps_in(a.inputs[0]);
+    if (!maps.empty()) a.inputs = maps;
+  }
   if (!a.merged_list.empty()) {
     if (!a.features_only) throw InputError("--merged-list goes with --features-only");
     OutputFiles::expect(a.merged_list);
@@ -199,7 +214,8 @@ void add_join(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand("join", "Join local maps, or maps made before");
   command
-      .add_option("maps", arguments->inputs, "A folder of localmap_K.txt, or native maps (.map)")
+      .add_option("maps", arguments->inputs,
+                  "A folder of localmap_K.map or localmap_K.txt, or native maps (.map)")
       ->type_name("FOLDER|MAP")
       ->required();
   command

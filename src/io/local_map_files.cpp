@@ -14,13 +14,12 @@ namespace mapjoin::detail {
 namespace {
 
 /// K of "localmap_K.txt", -1 for other names.
-std::int64_t number_of(std::string_view name) {
+std::int64_t number_of(std::string_view name, std::string_view tail) {
   constexpr std::string_view kHead = "localmap_";
-  constexpr std::string_view kTail = ".txt";
-  if (!name.starts_with(kHead) || !name.ends_with(kTail)) return -1;
-  if (name.size() <= kHead.size() + kTail.size()) return -1;
+  if (!name.starts_with(kHead) || !name.ends_with(tail)) return -1;
+  if (name.size() <= kHead.size() + tail.size()) return -1;
   const std::string_view digits =
-      name.substr(kHead.size(), name.size() - kHead.size() - kTail.size());
+      name.substr(kHead.size(), name.size() - kHead.size() - tail.size());
   std::int32_t number = -1;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
   return error == std::errc() && end == digits.data() + digits.size() ? number : -1;
@@ -28,14 +27,15 @@ std::int64_t number_of(std::string_view name) {
 
 }  // namespace
 
-std::vector<LocalMapFile> local_map_files(const std::filesystem::path& folder) {
+std::vector<LocalMapFile> local_map_files(const std::filesystem::path& folder,
+                                          std::string_view ending) {
   std::error_code error;
   std::filesystem::directory_iterator entries(folder, error);
   if (error)
     throw FileError(fmt::format("cannot read folder '{}': {}", folder.string(), error.message()));
   std::vector<LocalMapFile> files;
   for (const auto& entry : entries) {
-    const std::int64_t number = number_of(entry.path().filename().native());
+    const std::int64_t number = number_of(entry.path().filename().native(), ending);
     if (number >= 0) files.push_back({number, entry.path()});
   }
   std::sort(files.begin(), files.end(), [](const LocalMapFile& a, const LocalMapFile& b) {
