@@ -11,6 +11,7 @@
 
 #include "mapjoin/building/delayed.h"
 #include "mapjoin/building/filter.h"
+#include "mapjoin/building/integrated.h"
 #include "mapjoin/building/nonlinear.h"
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/change_frame.h"
@@ -122,6 +123,9 @@ class MapBuilder {
           to_string(p.problem.variables.key(p.problem.last_pose())), error.what()));
     }
     map.solved_in = map.anchor;  // gauge-free to rounding: any frame is as good
+    if (options_.builder == Builder::kNonlinear && options_.keep == Keep::kAll &&
+        is_pose_anchor(map.anchor))
+      map.observations = integrated_observations(p.problem, options_.loss, map);
     return map;
   }
 

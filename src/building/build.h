@@ -44,8 +44,8 @@ struct BuildOptions {
   Builder builder = Builder::kNonlinear;
   LocalFrame frame = LocalFrame::kStart;
   Keep keep = Keep::kAll;
-  RobustLoss loss;  ///< nonlinear builder only; off by default
-  int threads = 1;  ///< the result has the same bits for any number
+  RobustLoss loss = {};  ///< nonlinear builder only; off by default
+  int threads = 1;       ///< the result has the same bits for any number
   int max_iterations = 100;
 };
 
@@ -53,8 +53,10 @@ struct BuildOptions {
 template <int D>
 struct BuiltMaps {
   /// In order of time. A segment whose poses fall apart gives several, one that places nothing
-  /// none. Values and information at the optimum, gauge-free; no observations are attached: the map
-  /// is the measurement now.
+  /// none. Values and information at the optimum, gauge-free. The map is the measurement now: maps
+  /// of the nonlinear builder that keep everything and are written in the frame of a pose carry
+  /// themselves as their observations, taken apart so that joins stay sparse; others are one dense
+  /// observation each.
   std::vector<Map<D>> maps;
   std::vector<std::int64_t> used;     ///< measurements in the maps, ascending, each once
   std::vector<std::int64_t> refused;  ///< of features that no map could place: in no map

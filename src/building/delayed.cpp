@@ -15,13 +15,17 @@ constexpr int kSources = 8;
 constexpr int kIterations = 30;
 constexpr double kWorseBy = 25.0;       // chi2 of another place
 constexpr double kRelativeSigma = 0.2;  // of the distance
+constexpr double kLinear = 1.0;         // chi2 two deviations away is 4 but for this
 
 /// A minimum of chi2 over one feature, the poses held.
 struct Minimum {
   std::vector<double> value;
   double chi2 = 0.0;
-  double sigma = 0.0;  ///< worst direction, metres
+  double sigma = 0.0;         ///< worst direction, metres
+  std::vector<double> worst;  ///< that direction, a unit tangent
 };
+
+using Residual = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 16, 1>;  // no allocation
 
 /// All measurements of one feature.
 template <int D>
@@ -38,9 +42,8 @@ class Feature {
     std::vector<Minimum> minima;
     const std::size_t step = std::max<std::size_t>(1, measurements_.size() / kSources);
     for (std::size_t s = 0; s < measurements_.size(); s += step) {
-      for (int h = 0; h < kHypotheses; ++h) {
-        if (auto minimum = refined(hypothesis(measurements_[s], (h + 0.5) / kHypotheses)))
-          minima.push_back(std::move(*minimum));
+      for (std::vector<double>& start : best_hypotheses(measurements_[s])) {
+        if (auto minimum = refined(std::move(start))) minima.push_back(std::move(*minimum));
       }
     }
     if (minima.empty()) return std::nullopt;
@@ -48,7 +51,7 @@ class Feature {
         std::min_element(minima.begin(), minima.end(),
                          [](const Minimum& a, const Minimum& b) { return a.chi2 < b.chi2; });
     const double distance = nearest_pose(best->value);
-    if (best->sigma > kRelativeSigma * distance) return std::nullopt;
+    if (best->sigma > kRelativeSigma * distance || !is_linear(*best)) return std::nullopt;
     for (const Minimum& other : minima) {
       if (other.chi2 > best->chi2 + kWorseBy) continue;
       const double apart = (position(other.value) - position(best->value)).norm();
@@ -70,6 +73,23 @@ class Feature {
     kind_.transform(pose(m.from), x.data(), 1);
     return x;
   }
+  /// Of all a measurement leaves open, what fits the others better than its neighbours do: one for
+  /// each place where the feature may be.
+  std::vector<std::vector<double>> best_hypotheses(int k) const {
+    std::vector<std::vector<double>> all;
+    std::vector<double> fits;
+    for (int h = 0; h < kHypotheses; ++h) {
+      all.push_back(hypothesis(k, (h + 0.5) / kHypotheses));
+      const double chi2 = fit(all.back());
+      fits.push_back(std::isfinite(chi2) ? chi2 : std::numeric_limits<double>::infinity());
+    }
+    std::vector<std::vector<double>> out;
+    for (std::size_t h = 0; h < all.size(); ++h) {
+      const bool low = h == 0 || fits[h] <= fits[h - 1];
+      if (low && (h + 1 == all.size() || fits[h] <= fits[h + 1])) out.push_back(std::move(all[h]));
+    }
+    return out;
+  }
   Vec<D> position(const std::vector<double>& x) const {
     const int zero = 0;
     Vec<D> p;
@@ -82,6 +102,28 @@ class Feature {
     for (const int k : measurements_)
       least = std::min(least, (p - pose(measurement(k).from).t).norm());
     return least;
+  }
+
+  double fit(const std::vector<double>& x) const {
+    double sum = 0.0;
+    for (const int k : measurements_) {
+      const LocalMeasurement<D>& m = measurement(k);
+      Residual r(m.model->dim);
+      m.model->residual(m.z, values_.value(m.from), nullptr, x.data(), nullptr, r.data());
+      sum += r.dot(Eigen::Map<const Eigen::MatrixXd>(m.info, r.size(), r.size()) * r);
+    }
+    return sum;
+  }
+  /// Is chi2 the parabola that the information says, as far as two standard deviations?
+  bool is_linear(const Minimum& minimum) const {
+    for (const double side : {-2.0, 2.0}) {
+      std::vector<double> x = minimum.value;
+      std::vector<double> d = minimum.worst;
+      for (double& v : d) v *= side * minimum.sigma;
+      kind_.retract(x.data(), d.data(), 1);
+      if (!(std::abs(fit(x) - minimum.chi2 - 4.0) < kLinear)) return false;
+    }
+    return true;
   }
 
   /// H, b of the feature alone; \returns chi2.
@@ -137,9 +179,11 @@ class Feature {
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(H);
     const double weakest = eigen.eigenvalues()(0);
     if (!(weakest > 1e-12 * eigen.eigenvalues().maxCoeff())) {
-      return Minimum{std::move(x), chi2, std::numeric_limits<double>::infinity()};
+      return Minimum{std::move(x), chi2, std::numeric_limits<double>::infinity(), {}};
     }
-    return Minimum{std::move(x), chi2, 1.0 / std::sqrt(weakest)};
+    const Eigen::VectorXd worst = eigen.eigenvectors().col(0);
+    return Minimum{std::move(x), chi2, 1.0 / std::sqrt(weakest),
+                   std::vector<double>(worst.data(), worst.data() + worst.size())};
   }
 
   const LocalProblem<D>& problem_;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "mapjoin/building/raw_log.h"
+#include "mapjoin/building/robust_loss.h"
 #include "mapjoin/graph/values.h"
 
 namespace mapjoin {
@@ -32,6 +33,15 @@ struct LocalProblem {
 
   bool is_pose(int i) const { return variables.kind(i).tag == Tag("pose"); }
   int first_pose() const { return variables.column(variables.find_column(Tag("pose"))).first; }
+  /// From a pose to a neighbour in time: what holds the trajectory together, and what robust losses
+  /// leave alone.
+  bool is_odometry(const LocalMeasurement<D>& m) const {
+    return is_pose(m.to) && (m.to == m.from + 1 || m.from == m.to + 1);
+  }
+  /// How often a measurement counts whose r^T I r is s.
+  double weight(const LocalMeasurement<D>& m, const RobustLoss& loss, double s) const {
+    return is_odometry(m) ? 1.0 : loss.weight(s);
+  }
   int last_pose() const { return variables.column(variables.find_column(Tag("pose"))).end() - 1; }
 };
 

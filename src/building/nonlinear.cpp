@@ -102,8 +102,9 @@ SolveSummary minimise(const LocalProblem<D>& problem, const RobustLoss& loss, in
   ceres::Problem ceres_problem(ownership);
   for (const auto& m : problem.measurements) {
     auto cost = std::make_unique<IncrementCost<D>>(m, values.value(m.from), values.value(m.to));
-    ceres_problem.AddResidualBlock(cost.release(), robust ? &robust_loss : nullptr, block(m.from),
-                                   block(m.to));
+    ceres_problem.AddResidualBlock(cost.release(),
+                                   robust && !problem.is_odometry(m) ? &robust_loss : nullptr,
+                                   block(m.from), block(m.to));
   }
   ceres_problem.SetParameterBlockConstant(block(problem.first_pose()));
   ceres::Solver::Summary summary;
@@ -135,7 +136,7 @@ SymmetricBlockMatrix information_at(const LocalProblem<D>& problem, const Robust
     m.model->linearize(m.z, values.value(m.from), nullptr, values.value(m.to), nullptr, r.data(),
                        Ja.data(), Jx.data());
     const Eigen::Map<const Eigen::MatrixXd> given(m.info, n, n);
-    const Eigen::MatrixXd info = loss.weight(r.dot(given * r)) * given;
+    const Eigen::MatrixXd info = problem.weight(m, loss, r.dot(given * r)) * given;
     const Eigen::MatrixXd IJa = info * Ja;
     const Eigen::MatrixXd IJx = info * Jx;
     out.add(m.from, m.from, Ja.transpose() * IJa);

@@ -13,8 +13,9 @@ namespace mapjoin {
 ///     Cauchy          a^2 log(1 + s / a^2)                1 / (1 + s / a^2)
 ///     Geman-McClure   s / (1 + s / a^2)                   1 / (1 + s / a^2)^2
 ///
-/// `width` is a, in standard deviations. Huber is convex and lets every measurement pull; the other
-/// two give up on gross outliers.
+/// Odometry, from a pose to its neighbour in time, counts in full whatever the loss: it holds the
+/// map together. `width` is a, in standard deviations. Huber is convex and lets every measurement
+/// pull; the other two give up on gross outliers.
 struct RobustLoss {
   enum class Shape { kNone, kHuber, kCauchy, kGemanMcClure };
   Shape shape = Shape::kNone;

@@ -88,6 +88,8 @@ SolvedLog<D> solve_by_local_maps(const RawLog<D>& log, const Segmentation& segme
   const auto start = Clock::now();
   JoinOptions options = joining;
   if (raw && joining.mode == Mode::kOptimal) options.mode = Mode::kObserve;
+  constexpr int kRootSolves = 3;
+  if (joining.mode == Mode::kObserve && joining.root_solves == 0) options.root_solves = kRootSolves;
   out.result = join_all(std::span<const Map<D>>(built.maps), {}, options);
   std::erase_if(out.result.report.notes, [](const std::string& note) {
     return note.find("carry no observations") != std::string::npos;  // none is meant to

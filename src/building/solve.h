@@ -18,12 +18,13 @@ struct SolvedLog {
 /// Builds local maps and joins them.
 ///
 /// The local maps are all that `paper`, `summary` and `observe` join: each is one integrated
-/// observation of all its variables, dense where it is large. In `optimal` they are joined in
-/// observe mode, and the result is refined over the measurements themselves where those are
-/// integrated observations (relative poses, points: as_graph()) and the maps keep everything: the
-/// answer then does not depend on how the recording was cut. Otherwise the optimum is that over the
-/// local maps. chi2 in the report is over the measurements where they are such observations, else
-/// over the local maps.
+/// observation of all its variables. Observing joins end with three solves at the root instead of
+/// two: large local maps meet at larger angles there than the measurements of a graph do. In
+/// `optimal` they are joined in observe mode, and the result is refined over the measurements
+/// themselves where those are integrated observations (relative poses, points: as_graph()) and the
+/// maps keep everything: the answer then does not depend on how the recording was cut. Otherwise
+/// the optimum is that over the local maps. chi2 in the report is over the measurements where they
+/// are such observations, else over the local maps.
 template <int D>
 SolvedLog<D> solve_by_local_maps(const RawLog<D>& log, const Segmentation& segmentation,
                                  const BuildOptions& building, const JoinOptions& joining);

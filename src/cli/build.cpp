@@ -1,14 +1,13 @@
 #include "mapjoin/building/build.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <memory>
-#include <system_error>
 
 #include "mapjoin/cli/commands.h"
 #include "mapjoin/cli/input.h"
+#include "mapjoin/cli/output.h"
 #include "mapjoin/cli/progress.h"
 #include "mapjoin/cli/raw.h"
 #include "mapjoin/frames/local_map.h"
@@ -45,44 +44,6 @@ struct Arguments {
   bool skip_unknown = false;
   BuildArguments build;
   CsvLogOptions csv;
-};
-
-/// A folder that appears with all its files or not at all.
-class OutputFolder {
- public:
-  explicit OutputFolder(const fs::path& target) : target_(target) {
-    std::error_code error;
-    if (fs::exists(target, error) && (!fs::is_directory(target, error) || !fs::is_empty(target))) {
-      throw FileError(
-          fmt::format("{} is there already: name a folder that is new or empty", target.string()));
-    }
-    fs::path name = target;
-    if (!name.has_filename()) name = name.parent_path();
-    temporary_ = name.parent_path() / fmt::format(".{}.{}", name.filename().string(), getpid());
-    if (!fs::create_directory(temporary_, error)) {
-      throw FileError(fmt::format("cannot make the folder {}: {}", target.string(),
-                                  error ? error.message() : "a leftover is in the way"));
-    }
-  }
-  ~OutputFolder() {
-    std::error_code ignored;
-    if (!temporary_.empty()) fs::remove_all(temporary_, ignored);
-  }
-  OutputFolder(const OutputFolder&) = delete;
-  OutputFolder& operator=(const OutputFolder&) = delete;
-
-  const fs::path& path() const { return temporary_; }
-  void commit() {
-    std::error_code error;
-    fs::rename(temporary_, target_, error);
-    if (error) {
-      throw FileError(fmt::format("cannot write {}: {}", target_.string(), error.message()));
-    }
-    temporary_.clear();
-  }
-
- private:
-  fs::path target_, temporary_;
 };
 
 /// The maps as localmap_K.txt. \returns why not, where the format cannot say them.

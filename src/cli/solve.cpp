@@ -49,8 +49,11 @@ JoinResult<D> solve_by_maps(const Arguments& a, const MeasurementGraph<D>& graph
   return std::move(solved.result);
 }
 
-void solve(const Arguments& a) {
+void solve(const Arguments& given) {
+  Arguments a = given;
   expect_outputs(a.join);
+  // Local maps in order of time are joined as the paper has it, neighbours first.
+  if (a.local_maps > 0 && a.join.tree.empty() && a.join.mode == "observe") a.join.tree = "order";
   if (input_format(a.graph) != InputFormat::kG2o) {
     throw InputError(fmt::format("{} is no g2o file; maps are joined by 'mapjoin join'", a.graph));
   }

@@ -42,6 +42,22 @@ ValueOf<own::Line> some_wall(Generator& g) {
   return {uniform(g, -3.0, 3.0), uniform(g, -5.0, 5.0)};
 }
 
+/// A user's own, as docs/building.md shows it: a sonar that looks up.
+struct Height {
+  using Target = mapjoin::Point3;
+  using Measurement = mapjoin::Vec<1>;
+  static constexpr int dim = 1;
+  static constexpr std::string_view name = "height";
+  template <class S>
+  static mapjoin::Vec<1, S> residual(const Measurement& z, const mapjoin::Vec<3, S>& seen) {
+    return mapjoin::Vec<1, S>(seen(2) - z(0));
+  }
+  static mapjoin::Vec<3> hypothesis(const Measurement& z, double u) {
+    return {20.0 * u - 10.0, 0.0, z(0)};
+  }
+};
+
+MAPJOIN_TEST_MODEL(Height, some_range);
 MAPJOIN_TEST_MODEL(RelativePose2, some_pose2);
 MAPJOIN_TEST_MODEL(RelativePose3, some_pose3);
 MAPJOIN_TEST_MODEL(PointIn2D, some_point2);

@@ -49,16 +49,16 @@ class ModelConformance {
     Generator generator(2);
     const ModelKind<D>& kind = model_of<M>();
     for (int k = 0; k < kRounds; ++k) {
-      const auto [z, pose, x] = some_situation(generator);
+      const Situation s = some_situation(generator);
       const Vec<G> a = random_vector<G>(generator, 0.02);
       const Vec<N> b = random_vector<N>(generator, 0.02);
       Vec<M::dim> r;
       Eigen::Matrix<double, M::dim, G, G == 1 ? Eigen::ColMajor : Eigen::RowMajor> Ja;
       Eigen::Matrix<double, M::dim, N, N == 1 ? Eigen::ColMajor : Eigen::RowMajor> Jx;
-      kind.linearize(doubles(z), doubles(pose), a.data(), doubles(x), b.data(), r.data(), Ja.data(),
-                     Jx.data());
+      kind.linearize(doubles(s.z), doubles(s.pose), a.data(), doubles(s.x), b.data(), r.data(),
+                     Ja.data(), Jx.data());
       const auto residual = [&](const Vec<G>& da, const Vec<N>& db) {
-        return residual_at<M, double>(z, pose, Vec<G>(a + da), x, Vec<N>(b + db));
+        return residual_at<M, double>(s.z, s.pose, Vec<G>(a + da), s.x, Vec<N>(b + db));
       };
       EXPECT_TRUE((residual(Vec<G>::Zero(), Vec<N>::Zero()) - r).isZero(1e-12));
       constexpr double h = 1e-6;
@@ -85,14 +85,14 @@ class ModelConformance {
   void moving_everything_changes_nothing() const {
     Generator generator(3);
     for (int k = 0; k < kRounds; ++k) {
-      const auto [z, pose, x] = some_situation(generator);
+      const Situation s = some_situation(generator);
       const Rigid<D> motion = random_motion<D>(generator);
       const Vec<G> a = random_vector<G>(generator, 0.02);
       const auto at = [&](const Rigid<D>& p, const ValueOf<T>& v) {
-        return residual_at<M, double>(z, p, a, v, Vec<N>::Zero());
+        return residual_at<M, double>(s.z, p, a, v, Vec<N>::Zero());
       };
-      const Vec<M::dim> moved = at(motion * pose, T::template transform<double>(motion, x));
-      EXPECT_TRUE((moved - at(pose, x)).isZero(1e-9));
+      const Vec<M::dim> moved = at(motion * s.pose, T::template transform<double>(motion, s.x));
+      EXPECT_TRUE((moved - at(s.pose, s.x)).isZero(1e-9));
     }
   }
 
