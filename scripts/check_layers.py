@@ -21,12 +21,14 @@ LAYERS = {
     "io": {"graph", "frames"},
     "evaluation": {"graph", "frames", "solvers"},
     "association": {"graph", "frames", "solvers", "joining", "evaluation"},
-    "cli": {"graph", "frames", "solvers", "joining", "filtering", "io", "evaluation", "association"},
+    "building": {"graph", "frames", "solvers", "joining", "io", "evaluation"},
+    "cli": {"graph", "frames", "solvers", "joining", "filtering", "io", "evaluation", "association",
+            "building"},
 }
 
 # Dependencies that only these layers may include; None: any layer.
 ONLY_IN = {
-    "ceres": {"solvers"},
+    "ceres": {"building"},
     "cholmod": None,
     "amd": None,
     "camd": None,

@@ -5,6 +5,7 @@
 namespace mapjoin::cli {
 
 // Each adds a subcommand, which runs when the command line names it.
+void add_build(CLI::App& app);
 void add_solve(CLI::App& app);
 void add_join(CLI::App& app);
 void add_reframe(CLI::App& app);

@@ -72,6 +72,7 @@ int main(int argc, char** argv) {
     app.require_subcommand(1);
     app.footer(kFooter);
     mapjoin::cli::add_solve(app);
+    mapjoin::cli::add_build(app);
     mapjoin::cli::add_join(app);
     mapjoin::cli::add_reframe(app);
     mapjoin::cli::add_marginalize(app);

@@ -80,6 +80,32 @@ void OutputFiles::commit() {
   files_.clear();
 }
 
+OutputFolder::OutputFolder(const fs::path& target)
+    : target_(target.has_filename() ? target : target.parent_path()) {
+  std::error_code error;
+  if (fs::exists(target_, error) && (!fs::is_directory(target_, error) || !fs::is_empty(target_))) {
+    throw FileError(
+        fmt::format("{} is there already: name a folder that is new or empty", target.string()));
+  }
+  temporary_ = target_.parent_path() / fmt::format(".{}.{}", target_.filename().string(), getpid());
+  if (!fs::create_directory(temporary_, error)) {
+    const std::string why = error ? error.message() : "a leftover is in the way";
+    throw FileError(fmt::format("cannot make the folder {}: {}", target.string(), why));
+  }
+}
+
+OutputFolder::~OutputFolder() {
+  std::error_code ignored;
+  if (!temporary_.empty()) fs::remove_all(temporary_, ignored);
+}
+
+void OutputFolder::commit() {
+  std::error_code error;
+  fs::rename(temporary_, target_, error);
+  if (error) throw FileError(fmt::format("cannot write {}: {}", target_.string(), error.message()));
+  temporary_.clear();
+}
+
 OutputFormat output_format(const fs::path& path) {
   const std::string extension = path.extension().string();
   if (extension == ".g2o") return OutputFormat::kG2o;

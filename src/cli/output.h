@@ -36,6 +36,23 @@ class OutputFiles {
   std::vector<File> files_;
 };
 
+/// A folder that appears with all its files or not at all: what is written into path() shows under
+/// its name after commit().
+class OutputFolder {
+ public:
+  /// \throws FileError when there is something already, or when nothing can be made there.
+  explicit OutputFolder(const std::filesystem::path& target);
+  ~OutputFolder();
+  OutputFolder(const OutputFolder&) = delete;
+  OutputFolder& operator=(const OutputFolder&) = delete;
+
+  const std::filesystem::path& path() const { return temporary_; }
+  void commit();
+
+ private:
+  std::filesystem::path target_, temporary_;
+};
+
 /// Kinds of result files, by extension.
 enum class OutputFormat { kG2o, kNative, kTum };
 

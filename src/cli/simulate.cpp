@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 
+#include "mapjoin/building/simulate_log.h"
 #include "mapjoin/cli/arguments.h"
 #include "mapjoin/cli/commands.h"
 #include "mapjoin/cli/output.h"
@@ -21,15 +22,21 @@ constexpr const char* kExamples = R"(Worlds:
   grid3d        3D: a flight through a lattice of corridors, loop closures at revisits
   landmarks2d   2D: the streets again, loops closed by point features alone
   landmarks3d   3D: the corridors again, likewise
+  beacons       2D: a field of 50 x 50 beacons, seen by range and bearing, and a vehicle's speed and
+                turn rate: the simulation of SLSJF. Raw measurements, so OUTPUT is a folder of CSV
+                files: what 'mapjoin build' reads, and the truth
 
 Examples:
   mapjoin simulate manhattan --poses 3500 --seed 1 --output world.g2o --truth truth.g2o
   mapjoin simulate sphere --poses 2500 --sigma-rotation 0.1 --output hard.g2o
+  mapjoin simulate beacons --poses 27924 --output field
   mapjoin simulate landmarks2d --poses 1000 --sensor-range 8 --visible-features 10 --output l.g2o
 
 The same options give the same world everywhere. Ids of features begin at 100000, or at the next
 power of ten above the poses.
 )";
+
+constexpr const char* kBeacons = "beacons";  // the one world of raw measurements
 
 struct Arguments {
   std::string world;
@@ -69,7 +76,24 @@ void simulate_and_write(const Arguments& a, const SimulationOptions& options) {
              writing.seconds());
 }
 
+void simulate_beacons(const Arguments& a) {
+  if (!a.truth.empty()) {
+    throw InputError("the world of beacons has its truth in the output folder: leave --truth out");
+  }
+  LogSimulationOptions options;
+  options.poses = a.options.poses;
+  options.seed = a.options.seed;
+  options.noise = a.options.noise;
+  OutputFolder folder(a.output);
+  const SimulatedLog world = simulate_log(options);
+  write_csv_log(folder.path(), world);
+  folder.commit();
+  fmt::print("{}: {} poses, {} beacons, {} measurements\n", a.output, options.poses,
+             world.truth.size() - options.poses, world.log.size());
+}
+
 void run_simulate(const Arguments& a) {
+  if (a.world == kBeacons) return simulate_beacons(a);
   for (const std::string& path : {a.output, a.truth}) {
     if (path.empty()) continue;
     if (output_format(path) != OutputFormat::kG2o) {
@@ -119,11 +143,12 @@ void add_simulate(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand("simulate", "Make a world whose truth is known");
   command
-      .add_option("world", arguments->world, "manhattan, sphere, grid3d, landmarks2d, landmarks3d")
+      .add_option("world", arguments->world,
+                  "manhattan, sphere, grid3d, landmarks2d, landmarks3d, beacons")
       ->type_name("WORLD")
       ->required();
   command.add_option("-o,--output", arguments->output, "The measurements")
-      ->type_name("FILE.g2o")
+      ->type_name("FILE.g2o|FOLDER")
       ->required();
   command.add_option("--truth", arguments->truth, "Where everything really is")
       ->type_name("TRUTH.g2o");

@@ -2,9 +2,11 @@
 
 #include <memory>
 
+#include "mapjoin/building/solve.h"
 #include "mapjoin/cli/commands.h"
 #include "mapjoin/cli/input.h"
 #include "mapjoin/cli/progress.h"
+#include "mapjoin/cli/raw.h"
 #include "mapjoin/cli/run.h"
 #include "mapjoin/joining/join_all.h"
 
@@ -21,15 +23,37 @@ constexpr const char* kExamples = R"(Examples:
       Keeps the measurements too, so that the map can be joined with others: see mapjoin join.
   mapjoin solve city.g2o --mode observe --json stats.json --output city.tum
       One linear solve a join and two at the end, nothing iterated.
+  mapjoin solve park.g2o --local-maps 20 --mode summary --output park.g2o
+      The recording is cut into 20 local maps, which are built by nonlinear least squares and
+      joined. In optimal mode the result is the same for any number of them.
 )";
 
 struct Arguments {
   std::string graph;
   JoinArguments join;
+  int local_maps = 0;  ///< 0: none are built
+  BuildArguments build;
 };
 
-void solve(const Arguments& a) {
+/// By local maps: what they are and how long they took goes into the notes.
+template <int D>
+JoinResult<D> solve_by_maps(const Arguments& a, const MeasurementGraph<D>& graph,
+                            const JoinOptions& options) {
+  const RawLog<D> log = raw_log(graph);
+  const SegmentRule rule{SegmentRule::By::kMaps, static_cast<double>(a.local_maps)};
+  SolvedLog<D> solved = solve_by_local_maps(log, segment(log, rule),
+                                            build_options(a.build, options.threads), options);
+  solved.result.report.notes.push_back(
+      fmt::format("{} local maps, built in {:.3f} s and joined in {:.3f} s", solved.local_maps,
+                  solved.seconds_build, solved.seconds_join));
+  return std::move(solved.result);
+}
+
+void solve(const Arguments& given) {
+  Arguments a = given;
   expect_outputs(a.join);
+  // Local maps in order of time are joined as the paper has it, neighbours first.
+  if (a.local_maps > 0 && a.join.tree.empty() && a.join.mode == "observe") a.join.tree = "order";
   if (input_format(a.graph) != InputFormat::kG2o) {
     throw InputError(fmt::format("{} is no g2o file; maps are joined by 'mapjoin join'", a.graph));
   }
@@ -44,8 +68,9 @@ void solve(const Arguments& a) {
   std::visit(
       [&]<int D>(const MeasurementGraph<D>& graph) {
         job.measurements = static_cast<std::int64_t>(graph.size());
-        run<D>(std::move(job), graph.variables,
-               [&](const JoinOptions& o) { return join_all(graph, o); });
+        run<D>(std::move(job), graph.variables, [&](const JoinOptions& o) {
+          return a.local_maps > 0 ? solve_by_maps(a, graph, o) : join_all(graph, o);
+        });
       },
       file.graph);
 }
@@ -58,6 +83,13 @@ void add_solve(CLI::App& app) {
   command.add_option("graph", arguments->graph, "The measurements")
       ->type_name("GRAPH.g2o")
       ->required();
+  command
+      .add_option("--local-maps", arguments->local_maps,
+                  "Build this many local maps from the measurements, in order of the poses, and "
+                  "join those [every pose with its measurements is a local map]")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1000000000));
+  add_build_arguments(command, arguments->build, "--local-anchor");
   add_join_arguments(command, arguments->join);
   add_examples(command, std::string(kModes) + "\n" + kExamples);
   command.callback([arguments] { solve(*arguments); });

@@ -28,7 +28,8 @@ std::int64_t number_of(std::string_view name, std::string_view tail) {
 
 }  // namespace
 
-std::vector<LocalMapFile> local_map_files(const std::filesystem::path& folder) {
+std::vector<LocalMapFile> local_map_files(const std::filesystem::path& folder,
+                                          std::string_view ending) {
   std::error_code error;
   std::filesystem::directory_iterator entries(folder, error);
   if (error)
@@ -36,12 +37,12 @@ std::vector<LocalMapFile> local_map_files(const std::filesystem::path& folder) {
   std::vector<LocalMapFile> files, matlab;
   for (const auto& entry : entries) {
     const std::string name = entry.path().filename().native();
-    const std::int64_t number = number_of(name, ".txt");
+    const std::int64_t number = number_of(name, ending);
     if (number >= 0) files.push_back({number, entry.path()});
     const std::int64_t of_matlab = number_of(name, ".mat");
     if (of_matlab >= 0) matlab.push_back({of_matlab, entry.path()});
   }
-  if (files.empty()) files = std::move(matlab);
+  if (files.empty() && ending == ".txt") files = std::move(matlab);
   std::sort(files.begin(), files.end(), [](const LocalMapFile& a, const LocalMapFile& b) {
     return a.number != b.number ? a.number < b.number : a.path < b.path;
   });

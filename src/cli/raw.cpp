@@ -1,0 +1,63 @@
+#include "mapjoin/cli/raw.h"
+
+#include <fmt/format.h>
+
+#include "mapjoin/cli/input.h"
+#include "mapjoin/io/g2o.h"
+
+namespace mapjoin::cli {
+
+void add_build_arguments(CLI::App& command, BuildArguments& a, const std::string& anchor) {
+  command
+      .add_option("--builder", a.builder,
+                  "nls: nonlinear least squares a local map; ekf: an extended Kalman filter")
+      ->check(CLI::IsMember({"nls", "ekf"}))
+      ->capture_default_str();
+  command
+      .add_option(anchor, a.frame,
+                  "What fixes the frame of a local map: its first pose, its last, or features that "
+                  "are far apart")
+      ->check(CLI::IsMember({"start", "end", "features"}))
+      ->capture_default_str();
+  command
+      .add_option(
+          "--robust", a.loss,
+          "Loss of measurements that do not fit: none, huber, cauchy or geman-mcclure, with "
+          "a width in standard deviations, as in cauchy:3")
+      ->type_name("LOSS")
+      ->capture_default_str();
+}
+
+BuildOptions build_options(const BuildArguments& a, int threads) {
+  BuildOptions out;
+  if (a.builder == "ekf") out.builder = Builder::kFilter;
+  if (a.frame == "end") out.frame = LocalFrame::kEnd;
+  if (a.frame == "features") out.frame = LocalFrame::kFeatures;
+  if (a.keep == "end-pose") out.keep = Keep::kEndPose;
+  if (a.keep == "features") out.keep = Keep::kFeatures;
+  out.loss = parse_robust_loss(a.loss);
+  out.threads = threads;
+  return out;
+}
+
+RawInput read_raw(const std::string& path, const G2oOptions& g2o, const CsvLogOptions& csv) {
+  switch (input_format(path)) {
+    case InputFormat::kLocalMaps:
+      if (is_csv_log(path)) return {read_csv_log(path, csv), {}, {}};
+      throw InputError(fmt::format(
+          "{} is a folder without controls.csv and observations.csv; local maps are joined by "
+          "'mapjoin join'",
+          path));
+    case InputFormat::kNative:
+      throw InputError(fmt::format("{} is a map; maps are joined by 'mapjoin join'", path));
+    case InputFormat::kG2o:
+      break;
+  }
+  const G2oGraph file = read_g2o(path, g2o);
+  RawInput out{RawLog<2>(), file.fixed, notes_of(file.counts)};
+  std::visit([&]<int D>(const MeasurementGraph<D>& graph) { out.log = raw_log(graph); },
+             file.graph);
+  return out;
+}
+
+}  // namespace mapjoin::cli
