@@ -73,7 +73,7 @@ CsvLog read_csv_log(const std::filesystem::path& folder, const CsvLogOptions& o)
           scan.fail(fmt::format("step {} is at no pose", step),
                     fmt::format("the controls make poses for steps 1 to {}", poses));
         if (beacon < 0) scan.fail("the number of a beacon is negative", "number beacons from 0");
-        if (range < o.nearest) {
+        if (o.nearest > 0.0 && range < o.nearest) {
           ++too_near;
           return;
         }

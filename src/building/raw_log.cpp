@@ -113,8 +113,8 @@ RawLog<D> raw_log(const MeasurementGraph<D>& graph) {
   log.variables = graph.variables;
   for (const auto& column : graph.relative) {
     const ModelKind<D>* model = nullptr;
-    if (column.kind->tag == Tag("pose")) model = &model_of<Relative<PoseType<D>>>();
-    if (column.kind->tag == Tag("point")) model = &model_of<Relative<PointType<D>>>();
+    if (column.kind->tag == Tag("pose")) model = &model_of<RelativeModel<PoseType<D>>>();
+    if (column.kind->tag == Tag("point")) model = &model_of<RelativeModel<PointType<D>>>();
     if (model == nullptr) {
       throw InputError(fmt::format(
           "measurements of type {}: which model they follow only their maker knows; use "

@@ -55,8 +55,8 @@ TEST(RawLog, RefusesWhatNoLocalMapCanBeBuiltFrom) {
               }),
               HasSubstr("point:1 -> point:2 is not taken from a pose"));
   EXPECT_THAT(message_of([&] {
-                builder.add<Relative<Pose2>>(pose_key(1), pose_key(1), Rigid2(),
-                                             Mat<3, 3>::Identity());
+                builder.add<RelativeModel<Pose2>>(pose_key(1), pose_key(1), Rigid2(),
+                                                  Mat<3, 3>::Identity());
               }),
               HasSubstr("itself"));
   EXPECT_THAT(message_of([&] {
