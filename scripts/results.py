@@ -19,6 +19,7 @@ from pathlib import Path
 
 from results_parts.association import association
 from results_parts.bench import Bench, Report
+from results_parts.building import local_maps
 from results_parts.by_tests import bad_inputs, frames
 from results_parts.feature_only import feature_only
 from results_parts.filters import filters
@@ -30,7 +31,8 @@ from results_parts.uncertainty import uncertainty
 HERE = Path(__file__).resolve().parent.parent
 
 SECTIONS = [optimum, observe, published, lemma, shuffled_ids, recordings, speed, large_worlds,
-            bad_inputs, frames, scale, feature_only, uncertainty, filters, association]
+            bad_inputs, frames, scale, feature_only, uncertainty, filters, association,
+            local_maps]
 
 
 def page(report, bench, options, seconds):

@@ -117,10 +117,10 @@ class MapBuilder {
       const Anchor<D> anchor = wanted_anchor(map, p.problem, options_);
       if (!(anchor == map.anchor)) map = change_frame(std::move(map), anchor);
     } catch (const DegenerateFrameError& error) {
-      throw DegenerateFrameError(fmt::format(
-          "the local map from {} to {}: {} Build larger local maps, or keep their poses.",
-          to_string(p.problem.variables.key(p.problem.first_pose())),
-          to_string(p.problem.variables.key(p.problem.last_pose())), error.what()));
+      throw DegenerateFrameError(
+          fmt::format("the local map from {} to {}: {}; or build larger local maps",
+                      to_string(p.problem.variables.key(p.problem.first_pose())),
+                      to_string(p.problem.variables.key(p.problem.last_pose())), error.what()));
     }
     map.solved_in = map.anchor;  // gauge-free to rounding: any frame is as good
     if (options_.builder == Builder::kNonlinear && options_.keep == Keep::kAll &&

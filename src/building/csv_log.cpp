@@ -20,6 +20,8 @@ void check(const CsvLogOptions& o) {
     if (!std::isfinite(x) || x <= 0.0)
       throw InputError("the duration and the sigmas of a log must be above 0");
   }
+  if (!std::isfinite(o.nearest) || o.nearest < 0.0)
+    throw InputError("the range below which observations are left out must be 0 or more");
 }
 
 double information(double sigma) { return 1.0 / (sigma * sigma); }
@@ -42,7 +44,7 @@ void read_lines(const std::filesystem::path& path, std::string_view header, cons
 
 }  // namespace
 
-RawLog<2> read_csv_log(const std::filesystem::path& folder, const CsvLogOptions& o) {
+CsvLog read_csv_log(const std::filesystem::path& folder, const CsvLogOptions& o) {
   check(o);
   RawLogBuilder<2> builder;
   const Mat<3, 3> odometry = Vec<3>(information(o.sigma_speed), information(o.sigma_sideways),
@@ -57,26 +59,35 @@ RawLog<2> read_csv_log(const std::filesystem::path& folder, const CsvLogOptions&
     builder.add<VelocityTurnRate>(pose_key(k - 1, o.session), pose_key(k, o.session),
                                   {speed, rate, o.duration}, odometry);
   });
+  std::int64_t too_near = 0;
   const Mat<2, 2> sight =
       Vec<2>(information(o.sigma_range), information(o.sigma_bearing)).asDiagonal();
-  read_lines(folder / "observations.csv", "step,beacon,range_m,bearing_rad",
-             [&](TextScanner& scan) {
-               const std::int64_t step = scan.integer("step");
-               const std::int64_t beacon = scan.integer("beacon");
-               const double range = scan.number("range");
-               const double bearing = scan.number("bearing");
-               scan.expect_end_of_line("bearing");
-               if (step < 1 || step > poses)
-                 scan.fail(fmt::format("step {} is at no pose", step),
-                           fmt::format("the controls make poses for steps 1 to {}", poses));
-               if (beacon < 0)
-                 scan.fail("the number of a beacon is negative", "number beacons from 0");
-               if (!(range > 0.0)) scan.fail("the range is not above 0", "remove the observation");
-               builder.add<RangeBearing>(pose_key(static_cast<std::uint64_t>(step - 1), o.session),
-                                         point_key(static_cast<std::uint64_t>(beacon), o.session),
-                                         {range, bearing}, sight);
-             });
-  return std::move(builder).build();
+  read_lines(
+      folder / "observations.csv", "step,beacon,range_m,bearing_rad", [&](TextScanner& scan) {
+        const std::int64_t step = scan.integer("step");
+        const std::int64_t beacon = scan.integer("beacon");
+        const double range = scan.number("range");
+        const double bearing = scan.number("bearing");
+        scan.expect_end_of_line("bearing");
+        if (step < 1 || step > poses)
+          scan.fail(fmt::format("step {} is at no pose", step),
+                    fmt::format("the controls make poses for steps 1 to {}", poses));
+        if (beacon < 0) scan.fail("the number of a beacon is negative", "number beacons from 0");
+        if (o.nearest > 0.0 && range < o.nearest) {
+          ++too_near;
+          return;
+        }
+        if (!(range > 0.0)) {
+          scan.fail(
+              "the range is not above 0",
+              "near a beacon noise can do that, and nothing is known there: leave out what is "
+              "nearer than some sigmas (--nearest)");
+        }
+        builder.add<RangeBearing>(pose_key(static_cast<std::uint64_t>(step - 1), o.session),
+                                  point_key(static_cast<std::uint64_t>(beacon), o.session),
+                                  {range, bearing}, sight);
+      });
+  return {std::move(builder).build(), too_near};
 }
 
 bool is_csv_log(const std::filesystem::path& folder) {

@@ -16,7 +16,17 @@ struct CsvLogOptions {
   double sigma_turn_rate = 2.0 * std::numbers::pi / 180.0;  ///< rad/s
   double sigma_range = 0.1;                                 ///< m
   double sigma_bearing = 1.0 * std::numbers::pi / 180.0;    ///< rad
+  /// Observations of a smaller range are left out and counted, m. Near a beacon, within some sigmas
+  /// of the range, a measured range may come out negative and a bearing is anything: there no
+  /// linearisation holds. 0: none is left out, and one that is not above 0 is an error.
+  double nearest = 0.0;
   std::uint32_t session = 0;
+};
+
+/// A log as read.
+struct CsvLog {
+  RawLog<2> log;
+  std::int64_t too_near = 0;  ///< observations left out, see CsvLogOptions::nearest
 };
 
 /// Reads the log of a vehicle in the plane from a folder of two files:
@@ -29,7 +39,7 @@ struct CsvLogOptions {
 /// at pose s - 1, of point:beacon (RangeBearing); bearings need not be wrapped.
 /// \throws FileError; InputError with file and line: other headers, numbers missing, in excess or
 /// not finite, steps of no pose, ranges that are not positive; options that make no sense.
-RawLog<2> read_csv_log(const std::filesystem::path& folder, const CsvLogOptions& options = {});
+CsvLog read_csv_log(const std::filesystem::path& folder, const CsvLogOptions& options = {});
 
 /// Is there such a log in a folder?
 bool is_csv_log(const std::filesystem::path& folder);

@@ -11,7 +11,7 @@ namespace mapjoin {
 namespace {
 
 constexpr int kHypotheses = 24;  // of each of at most kSources measurements
-constexpr int kSources = 8;
+constexpr int kSources = 5;
 constexpr int kIterations = 30;
 constexpr double kWorseBy = 25.0;       // chi2 of another place
 constexpr double kRelativeSigma = 0.2;  // of the distance
@@ -25,7 +25,10 @@ struct Minimum {
   std::vector<double> worst;  ///< that direction, a unit tangent
 };
 
-using Residual = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 16, 1>;  // no allocation
+// Without allocation: no model has more than 16 numbers (measurement_model.h).
+using Residual = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 16, 1>;
+using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 16, 16>;
+using Jacobian = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, 16, 16>;
 
 /// All measurements of one feature.
 template <int D>
@@ -127,37 +130,37 @@ class Feature {
   }
 
   /// H, b of the feature alone; \returns chi2.
-  double linearize(const std::vector<double>& x, Eigen::MatrixXd& H, Eigen::VectorXd& b) const {
+  double linearize(const std::vector<double>& x, Square& H, Residual& b) const {
     const int n = kind_.dim;
-    H = Eigen::MatrixXd::Zero(n, n);
-    b = Eigen::VectorXd::Zero(n);
+    H = Square::Zero(n, n);
+    b = Residual::Zero(n);
     double chi2 = 0.0;
     for (const int k : measurements_) {
       const LocalMeasurement<D>& m = measurement(k);
-      Eigen::VectorXd r(m.model->dim);
-      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> Jp(m.model->dim,
-                                                                                kGauge<D>),
-          Jx(m.model->dim, n);
+      Residual r(m.model->dim);
+      Jacobian Jp(m.model->dim, kGauge<D>), Jx(m.model->dim, n);
       m.model->linearize(m.z, values_.value(m.from), nullptr, x.data(), nullptr, r.data(),
                          Jp.data(), Jx.data());
       const Eigen::Map<const Eigen::MatrixXd> info(m.info, m.model->dim, m.model->dim);
-      H += Jx.transpose() * info * Jx;
-      b -= Jx.transpose() * (info * r);
-      chi2 += r.dot(info * r);
+      const Residual Ir = info * r;
+      const Jacobian IJ = info * Jx;
+      H += Jx.transpose() * IJ;
+      b -= Jx.transpose() * Ir;
+      chi2 += r.dot(Ir);
     }
     return chi2;
   }
 
   /// Levenberg-Marquardt from a hypothesis. Nothing where it ends at no well-determined place.
   std::optional<Minimum> refined(std::vector<double> x) const {
-    Eigen::MatrixXd H, H_new;
-    Eigen::VectorXd b, b_new;
+    Square H, H_new;
+    Residual b, b_new;
     double chi2 = linearize(x, H, b);
     double damping = 1e-3;
     for (int i = 0; i < kIterations && std::isfinite(chi2); ++i) {
-      Eigen::MatrixXd damped = H;
+      Square damped = H;
       damped.diagonal() *= 1.0 + damping;
-      const Eigen::VectorXd d = damped.ldlt().solve(b);
+      const Residual d = damped.ldlt().solve(b);
       if (!d.allFinite()) return std::nullopt;
       std::vector<double> next = x;
       kind_.retract(next.data(), d.data(), 1);
@@ -176,12 +179,12 @@ class Feature {
       }
     }
     if (!std::isfinite(chi2)) return std::nullopt;
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(H);
+    const Eigen::SelfAdjointEigenSolver<Square> eigen(H);
     const double weakest = eigen.eigenvalues()(0);
     if (!(weakest > 1e-12 * eigen.eigenvalues().maxCoeff())) {
       return Minimum{std::move(x), chi2, std::numeric_limits<double>::infinity(), {}};
     }
-    const Eigen::VectorXd worst = eigen.eigenvectors().col(0);
+    const Residual worst = eigen.eigenvectors().col(0);
     return Minimum{std::move(x), chi2, 1.0 / std::sqrt(weakest),
                    std::vector<double>(worst.data(), worst.data() + worst.size())};
   }

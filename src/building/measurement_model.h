@@ -14,7 +14,7 @@
 ///     struct M {
 ///       using Target = Point2;             // what is measured, from a pose of the same space
 ///       using Measurement = Vec<2>;        // z: doubles in a row
-///       static constexpr int dim = 2;      // of the residual, at most 16
+///       static constexpr int dim = 2;      // of the residual; at most 16, as the target's
 ///       static constexpr std::string_view name = "rangebrg";  // at most 8 characters
 ///       template <class S>                 // what z says less what the target looks like
 ///       static Vec<dim, S> residual(const Measurement& z, const ValueOf<Target, S>& seen);

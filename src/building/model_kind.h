@@ -13,7 +13,7 @@ struct ModelKind {
   int dim = 0;       ///< of the residual; information is dim x dim
   int measured = 0;  ///< doubles in z
   const VariableKind<D>* target = nullptr;
-  bool relative = false;  ///< z is the target in the frame of the pose: Relative<T>
+  bool relative = false;  ///< z is the target in the frame of the pose: RelativeModel<T>
 
   /// r at pose [+] a, x [+] b; a and b may be null, for zero.
   void (*residual)(const double* z, const double* pose, const double* a, const double* x,
@@ -32,7 +32,7 @@ namespace detail {
 template <class M>
 inline constexpr bool kIsRelative = false;
 template <class T>
-inline constexpr bool kIsRelative<Relative<T>> = true;
+inline constexpr bool kIsRelative<RelativeModel<T>> = true;
 
 template <MeasurementModel M>
 struct ModelFunctions {

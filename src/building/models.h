@@ -10,7 +10,7 @@
 ///
 /// | model | z | target |
 /// |---|---|---|
-/// | `Relative<T>` | a value of T in the frame of the pose | any variable type |
+/// | `RelativeModel<T>` | a value of T in the frame of the pose | any variable type |
 /// | `RangeBearing` | metres, radians | Point2 |
 /// | `RangeBearingElevation` | metres, radians, radians | Point3 |
 /// | `BearingOnly` | radians | Point2 |
@@ -40,7 +40,7 @@ S angle_beyond(double bearing, const S& x, const S& y) {
 /// and in space; walls and whatever else a variable type describes. The one model that a
 /// MeasurementGraph holds as it is.
 template <VariableType T>
-struct Relative {
+struct RelativeModel {
   using Target = T;
   using Measurement = ValueOf<T>;
   static constexpr int dim = T::dim;
@@ -155,8 +155,8 @@ struct VelocityTurnRate {
   }
 };
 
-static_assert(MeasurementModel<Relative<Pose2>> && MeasurementModel<Relative<Pose3>> &&
-              MeasurementModel<Relative<Point2>> && MeasurementModel<Relative<Point3>> &&
+static_assert(MeasurementModel<RelativeModel<Pose2>> && MeasurementModel<RelativeModel<Pose3>> &&
+              MeasurementModel<RelativeModel<Point2>> && MeasurementModel<RelativeModel<Point3>> &&
               MeasurementModel<RangeBearing> && MeasurementModel<RangeBearingElevation> &&
               MeasurementModel<BearingOnly> && MeasurementModel<RangeOnly> &&
               MeasurementModel<VelocityTurnRate>);

@@ -76,7 +76,7 @@ void RawLogBuilder<D>::add(const ModelKind<D>& model, const Key& from, const Key
   check_type(*model.target, to);
   check_numbers(from, to, z, model.measured, information, model.dim);
   auto column = std::find_if(columns_.begin(), columns_.end(), [&](const Column& c) {
-    return c.model->tag == model.tag && c.model->target->tag == model.target->tag;
+    return c.model->residual == model.residual;  // names may be taken twice, functions not
   });
   if (column == columns_.end()) {
     columns_.push_back({&model, {}, {}, {}, {}});
@@ -113,8 +113,8 @@ RawLog<D> raw_log(const MeasurementGraph<D>& graph) {
   log.variables = graph.variables;
   for (const auto& column : graph.relative) {
     const ModelKind<D>* model = nullptr;
-    if (column.kind->tag == Tag("pose")) model = &model_of<Relative<PoseType<D>>>();
-    if (column.kind->tag == Tag("point")) model = &model_of<Relative<PointType<D>>>();
+    if (column.kind->tag == Tag("pose")) model = &model_of<RelativeModel<PoseType<D>>>();
+    if (column.kind->tag == Tag("point")) model = &model_of<RelativeModel<PointType<D>>>();
     if (model == nullptr) {
       throw InputError(fmt::format(
           "measurements of type {}: which model they follow only their maker knows; use "

@@ -73,8 +73,8 @@ template <int D>
 RawLog<D> raw_log(const MeasurementGraph<D>& graph);
 
 /// The recording as a measurement graph: when all its measurements are relative poses and points
-/// (and what else is `Relative`), which are integrated observations themselves. \returns whether
-/// they are; else `graph` is left as it was.
+/// (and what else is a `RelativeModel`), which are integrated observations themselves. \returns
+/// whether they are; else `graph` is left as it was.
 template <int D>
 bool as_graph(const RawLog<D>& log, MeasurementGraph<D>& graph);
 

@@ -73,7 +73,8 @@ class Field {
           continue;
         const Vec<2> seen = pose.inverse() * beacon(column, row);
         const double range = seen.norm();
-        if (seen(0) < 0.0 || range > o_.sensor_range || range < 0.3) continue;
+        if (seen(0) < 0.0 || range > o_.sensor_range || range < 5.0 * o_.sensors.sigma_range)
+          continue;
         see(number(column, row), seen);
       }
     }

@@ -9,9 +9,10 @@
 namespace mapjoin {
 
 /// A vehicle that drives at random over a square field of beacons in rows and columns, and measures
-/// range and bearing of those in the half circle before it. The defaults are the simulation of the
-/// Sparse Local Submap Joining Filter (its section IV-A): 150 m x 150 m, 2500 beacons, 6 m, 27924
-/// poses.
+/// range and bearing of those in the half circle before it, but for those
+/// nearer than five sigmas of the range (where ranges come out negative). The defaults are the
+/// simulation of the Sparse Local Submap Joining Filter (its section IV-A): 150 m x 150 m, 2500
+/// beacons, 6 m, 27924 poses.
 struct LogSimulationOptions {
   std::int64_t poses = 27924;
   int beacons_a_side = 50;

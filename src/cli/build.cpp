@@ -158,6 +158,7 @@ void add_build(CLI::App& app) {
   sigma("--sigma-turn-rate", a.csv.sigma_turn_rate, "Of the turn rate, rad/s");
   sigma("--sigma-range", a.csv.sigma_range, "Of a range, m");
   sigma("--sigma-bearing", a.csv.sigma_bearing, "Of a bearing, rad");
+  sigma("--nearest", a.csv.nearest, "Leave out observations of a smaller range, m");
   add_examples(command, kExamples);
   command.callback([arguments] { run_build(*arguments); });
 }

@@ -40,10 +40,24 @@ BuildOptions build_options(const BuildArguments& a, int threads) {
   return out;
 }
 
+namespace {
+
+RawInput read_log(const std::string& path, const CsvLogOptions& options) {
+  CsvLog read = read_csv_log(path, options);
+  RawInput out{std::move(read.log), {}, {}};
+  if (read.too_near > 0) {
+    out.notes.push_back(fmt::format("{} observations nearer than {} m were left out", read.too_near,
+                                    options.nearest));
+  }
+  return out;
+}
+
+}  // namespace
+
 RawInput read_raw(const std::string& path, const G2oOptions& g2o, const CsvLogOptions& csv) {
   switch (input_format(path)) {
     case InputFormat::kLocalMaps:
-      if (is_csv_log(path)) return {read_csv_log(path, csv), {}, {}};
+      if (is_csv_log(path)) return read_log(path, csv);
       throw InputError(fmt::format(
           "{} is a folder without controls.csv and observations.csv; local maps are joined by "
           "'mapjoin join'",

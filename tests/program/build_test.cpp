@@ -102,7 +102,7 @@ TEST_F(Build, RefusesAndLeavesNothingBehind) {
                  "no file");
   const std::string poses = write("poses.g2o", "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n");
   expect_refused({"build", poses, "--segment", "poses:5", "--keep", "features", "--output", out},
-                 "Build larger local maps");
+                 "build larger local maps");
   write("full/file", "x");
   expect_refused({"build", world, "--segment", "poses:5", "--output", file("full")},
                  "new or empty");

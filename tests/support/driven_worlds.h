@@ -82,8 +82,8 @@ inline DrivenWorld drive(const Drive& d) {
       const Key to = point_key(b);
       switch (d.sensor) {
         case Sensor::kPoint:
-          log.add<Relative<Point2>>(from, to, Vec<2>(p + kRangeSigma * Vec<2>(n0, n1)),
-                                    information(kRangeSigma) * Mat<2, 2>::Identity());
+          log.add<RelativeModel<Point2>>(from, to, Vec<2>(p + kRangeSigma * Vec<2>(n0, n1)),
+                                         information(kRangeSigma) * Mat<2, 2>::Identity());
           break;
         case Sensor::kRangeBearing:
           log.add<RangeBearing>(

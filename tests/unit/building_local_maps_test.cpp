@@ -139,7 +139,7 @@ TEST(BuiltMaps, MeasurementsOfSeveralModelsGoTogether) {
   builder.add<VelocityTurnRate>(pose_key(0), pose_key(1), {1.0, 0.0, 1.0},
                                 100.0 * Mat<3, 3>::Identity());
   builder.add<RangeBearing>(pose_key(0), point_key(5), {std::sqrt(8.0), std::atan2(2.0, 2.0)}, I);
-  builder.add<Relative<Point2>>(pose_key(1), point_key(5), {1.0, 2.0}, I);
+  builder.add<RelativeModel<Point2>>(pose_key(1), point_key(5), {1.0, 2.0}, I);
   builder.add<BearingOnly>(pose_key(1), point_key(5), Vec<1>(std::atan2(2.0, 1.0)),
                            Mat<1, 1>(100.0));
   const RawLog<2> log = std::move(builder).build();
@@ -262,8 +262,8 @@ TEST(Delayed, RangesFromALineAreRefusedAndFromABendNot) {
                              Mat<1, 1>(400.0));
       const Rigid2 step = rigid2(0.8, 0.0, bend ? 0.3 : 0.0);
       if (i < 7)
-        builder.add<Relative<Pose2>>(pose_key(i), pose_key(i + 1), step,
-                                     1e4 * Mat<3, 3>::Identity());
+        builder.add<RelativeModel<Pose2>>(pose_key(i), pose_key(i + 1), step,
+                                          1e4 * Mat<3, 3>::Identity());
       pose = pose * step;
     }
     const RawLog<2> log = std::move(builder).build();
@@ -287,8 +287,8 @@ TEST(Delayed, ParallelBearingsAreRefusedAndCrossingOnesNot) {
       const Vec<2> p = beacon - Vec<2>(baseline * static_cast<double>(i), 0.0);
       builder.add<BearingOnly>(pose_key(i), point_key(0), Vec<1>(std::atan2(p(1), p(0))),
                                Mat<1, 1>(1e4));
-      builder.add<Relative<Pose2>>(pose_key(i), pose_key(i + 1), rigid2(baseline, 0, 0),
-                                   1e6 * Mat<3, 3>::Identity());
+      builder.add<RelativeModel<Pose2>>(pose_key(i), pose_key(i + 1), rigid2(baseline, 0, 0),
+                                        1e6 * Mat<3, 3>::Identity());
     }
     const RawLog<2> log = std::move(builder).build();
     const BuiltMaps<2> built = build_local_maps(log, in_one(log));

@@ -19,11 +19,11 @@ using testing::random_motion;
 using testing::random_vector;
 using testing::uniform;
 
-using RelativePose2 = Relative<Pose2>;
-using RelativePose3 = Relative<Pose3>;
-using PointIn2D = Relative<Point2>;
-using PointIn3D = Relative<Point3>;
-using Wall = Relative<own::Line>;
+using RelativePose2 = RelativeModel<Pose2>;
+using RelativePose3 = RelativeModel<Pose3>;
+using PointIn2D = RelativeModel<Point2>;
+using PointIn3D = RelativeModel<Point3>;
+using Wall = RelativeModel<own::Line>;
 
 Rigid2 some_pose2(Generator& g) { return random_motion<2>(g, 5.0); }
 Rigid3 some_pose3(Generator& g) { return random_motion<3>(g, 5.0); }

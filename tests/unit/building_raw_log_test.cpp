@@ -55,8 +55,8 @@ TEST(RawLog, RefusesWhatNoLocalMapCanBeBuiltFrom) {
               }),
               HasSubstr("point:1 -> point:2 is not taken from a pose"));
   EXPECT_THAT(message_of([&] {
-                builder.add<Relative<Pose2>>(pose_key(1), pose_key(1), Rigid2(),
-                                             Mat<3, 3>::Identity());
+                builder.add<RelativeModel<Pose2>>(pose_key(1), pose_key(1), Rigid2(),
+                                                  Mat<3, 3>::Identity());
               }),
               HasSubstr("itself"));
   EXPECT_THAT(message_of([&] {
@@ -81,7 +81,7 @@ TEST(RawLog, RefusesWhatNoLocalMapCanBeBuiltFrom) {
   EXPECT_THROW(std::move(builder).build(), InputError);
 }
 
-class CsvLog : public ::testing::Test {
+class CsvLogs : public ::testing::Test {
  protected:
   std::filesystem::path folder(const std::string& controls, const std::string& observations) const {
     std::ofstream(directory_.file("controls.csv")) << controls;
@@ -93,8 +93,8 @@ class CsvLog : public ::testing::Test {
   test::TemporaryDirectory directory_;
 };
 
-TEST_F(CsvLog, StepsAndRowsAreWhereTheFormatSays) {
-  const RawLog<2> log = read_csv_log(folder(controls_, observations_));
+TEST_F(CsvLogs, StepsAndRowsAreWhereTheFormatSays) {
+  const RawLog<2> log = read_csv_log(folder(controls_, observations_)).log;
   ASSERT_EQ(log.size(), 4U);
   ASSERT_EQ(log.columns.size(), 2U);
   const auto& odometry = log.columns[0];
@@ -109,7 +109,7 @@ TEST_F(CsvLog, StepsAndRowsAreWhereTheFormatSays) {
   EXPECT_NEAR(sight.info[0], 100.0, 1e-9);
 }
 
-TEST_F(CsvLog, ErrorsNameFileAndLine) {
+TEST_F(CsvLogs, ErrorsNameFileAndLine) {
   const auto error = [&](const std::string& controls, const std::string& observations) {
     const auto at = folder(controls, observations);
     return message_of([&] { read_csv_log(at); });
@@ -124,7 +124,15 @@ TEST_F(CsvLog, ErrorsNameFileAndLine) {
   EXPECT_THAT(error(controls_, observations_ + "1,7,2.0,0.5,9\n"), HasSubstr("observations.csv:4"));
 }
 
-TEST_F(CsvLog, RefusesNoiseThatIsNone) {
+TEST_F(CsvLogs, LeavesOutWhatIsTooNearWhenAskedAndCountsIt) {
+  const auto at = folder(controls_, observations_ + "2,8,-0.01,0.5\n2,9,0.4,0.5\n");
+  EXPECT_THAT(message_of([&] { read_csv_log(at); }), HasSubstr("--nearest"));
+  const auto read = read_csv_log(at, {.nearest = 0.5});
+  EXPECT_EQ(read.too_near, 2);
+  EXPECT_EQ(read.log.size(), 4U);
+}
+
+TEST_F(CsvLogs, RefusesNoiseThatIsNone) {
   const auto at = folder(controls_, observations_);
   EXPECT_THROW(read_csv_log(at, {.sigma_sideways = 0.0}), InputError);
   EXPECT_THROW(read_csv_log(at, {.duration = -1.0}), InputError);

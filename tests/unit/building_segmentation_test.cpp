@@ -136,8 +136,8 @@ TEST(Segmentation, ALoopClosureBringsTheEarlierPoseAlong) {
   RawLogBuilder<2> builder;
   const Mat<3, 3> I = Mat<3, 3>::Identity();
   for (std::uint64_t i = 0; i < 6; ++i)
-    builder.add<Relative<Pose2>>(pose_key(i), pose_key(i + 1), rigid2(1, 0, 0), I);
-  builder.add<Relative<Pose2>>(pose_key(0), pose_key(6), rigid2(6, 0, 0), I);
+    builder.add<RelativeModel<Pose2>>(pose_key(i), pose_key(i + 1), rigid2(1, 0, 0), I);
+  builder.add<RelativeModel<Pose2>>(pose_key(0), pose_key(6), rigid2(6, 0, 0), I);
   const RawLog<2> log = std::move(builder).build();
   const Segmentation segments = segment(log, {By::kPoses, 3});
   ASSERT_EQ(segments.maps.size(), 2U);
