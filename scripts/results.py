@@ -775,6 +775,7 @@ def association(bench, report, options):
                   "precision", "recall", "matches", "flagged", "seconds", "ambiguous", "doubtful", "holds"],
                  rows)
     tests_of(bench, report, "mapjoin_data_tests", "DataSets/Hidden.*:Loop.*:Linear.*:WrongMatches.*:Sessions.*")
+    report.close()
 
 
 SECTIONS = [optimum, observe, published, lemma, shuffled_ids, recordings, speed, large_worlds,
