@@ -152,7 +152,7 @@ AssociatedMaps<D> join_associating(std::span<const LocalMap<D>> local_maps,
   out.joined =
       walk<D>(own.local_maps, strategy, progress, [&](const Stretch<D>& a, const Stretch<D>& b) {
         const ComparedMaps<D> maps = in_common_frame(a.map, b.map);
-        const Association found = associate<D>(maps, options, {});
+        const Association found = associate<D>(maps, options);
         add_up(found, out.report);
         for (const TestedPair& pair : found.known) {
           if (pair.flagged)

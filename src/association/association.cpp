@@ -53,9 +53,8 @@ int Association::suspicious() const {
 }
 
 template <int D>
-Association associate(const ComparedMaps<D>& maps, const AssociationOptions& options,
-                      std::span<const int> only_a) {
-  const CandidatePairs pairs = candidate_pairs(maps, options.candidates, only_a);
+Association associate(const ComparedMaps<D>& maps, const AssociationOptions& options) {
+  const CandidatePairs pairs = candidate_pairs(maps, options.candidates);
   Matching matching = match(pairs, options.matcher, options.joint);
   if (options.odds > 0.0)
     matching.pairs = certain_matches(pairs, std::move(matching.pairs), options.odds);
@@ -88,7 +87,7 @@ Association associate(const ComparedMaps<D>& maps, const AssociationOptions& opt
 
 template <int D>
 Association associate(const Map<D>& a, const Map<D>& b, const AssociationOptions& options) {
-  return associate<D>(in_common_frame(a, b), options, {});
+  return associate<D>(in_common_frame(a, b), options);
 }
 
 std::vector<std::pair<Key, Key>> names_in_a(const Association& association) {
@@ -99,8 +98,7 @@ std::vector<std::pair<Key, Key>> names_in_a(const Association& association) {
 
 #define MAPJOIN_INSTANTIATE(D)                                                                \
   template Association associate<D>(const Map<D>&, const Map<D>&, const AssociationOptions&); \
-  template Association associate<D>(const ComparedMaps<D>&, const AssociationOptions&,        \
-                                    std::span<const int>);
+  template Association associate<D>(const ComparedMaps<D>&, const AssociationOptions&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)
 #undef MAPJOIN_INSTANTIATE

@@ -69,11 +69,9 @@ struct Association {
 template <int D>
 Association associate(const Map<D>& a, const Map<D>& b, const AssociationOptions& options = {});
 
-/// The same in a frame of the caller's choice, among some of the variables of A only (numbers,
-/// ascending).
+/// The same in a frame of the caller's choice.
 template <int D>
-Association associate(const ComparedMaps<D>& maps, const AssociationOptions& options,
-                      std::span<const int> only_a);
+Association associate(const ComparedMaps<D>& maps, const AssociationOptions& options = {});
 
 /// The new names of B's variables: those they have in A.
 std::vector<std::pair<Key, Key>> names_in_a(const Association& association);

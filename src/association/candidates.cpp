@@ -118,12 +118,10 @@ void sweep(const Spots<D>& a, const Spots<D>& b, const Reach& reach, NumberPairs
 /// Numbers of the variables of a column of `map` that the other map does not know by key.
 template <int D>
 std::vector<int> unknown_in(const typename VariableSet<D>::Column& column,
-                            const std::vector<int>& in_other, std::span<const int> only) {
+                            const std::vector<int>& in_other) {
   std::vector<int> out;
   for (int i = column.first; i < column.end(); ++i) {
-    if (in_other[at(i)] >= 0) continue;
-    if (!only.empty() && !std::binary_search(only.begin(), only.end(), i)) continue;
-    out.push_back(i);
+    if (in_other[at(i)] < 0) out.push_back(i);
   }
   return out;
 }
@@ -144,15 +142,15 @@ class PairMaker {
     return make(pairs, static_cast<int>(pairs.size()));
   }
 
-  CandidatePairs candidates(const CandidateOptions& options, std::span<const int> only_a) const {
+  CandidatePairs candidates(const CandidateOptions& options) const {
     NumberPairs near;
     const std::vector<int> b_in_a = numbers_in(maps_.b.variables(), maps_.a.variables());
     const std::vector<int> a_in_b = numbers_in(maps_.a.variables(), maps_.b.variables());
     for (const auto& column : maps_.b.variables().columns()) {
       const int c = maps_.a.variables().find_column(column.kind->tag);
       if (c < 0 || !may_be_matched(*column.kind, options)) continue;
-      find_near(unknown_in<D>(maps_.a.variables().column(c), a_in_b, only_a),
-                unknown_in<D>(column, b_in_a, {}), options, near);
+      find_near(unknown_in<D>(maps_.a.variables().column(c), a_in_b), unknown_in<D>(column, b_in_a),
+                options, near);
     }
     CandidatePairs out = known();
     NumberPairs all;
@@ -348,17 +346,15 @@ CandidatePairs common_pairs(const ComparedMaps<D>& maps) {
 }
 
 template <int D>
-CandidatePairs candidate_pairs(const ComparedMaps<D>& maps, const CandidateOptions& options,
-                               std::span<const int> only_a) {
-  return PairMaker<D>(maps).candidates(options, only_a);
+CandidatePairs candidate_pairs(const ComparedMaps<D>& maps, const CandidateOptions& options) {
+  return PairMaker<D>(maps).candidates(options);
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                                \
-  template bool may_be_matched<D>(const VariableKind<D>&, const CandidateOptions&);           \
-  template ComparedMaps<D> in_common_frame<D>(const Map<D>&, const Map<D>&);                  \
-  template CandidatePairs common_pairs<D>(const ComparedMaps<D>&);                            \
-  template CandidatePairs candidate_pairs<D>(const ComparedMaps<D>&, const CandidateOptions&, \
-                                             std::span<const int>);
+#define MAPJOIN_INSTANTIATE(D)                                                      \
+  template bool may_be_matched<D>(const VariableKind<D>&, const CandidateOptions&); \
+  template ComparedMaps<D> in_common_frame<D>(const Map<D>&, const Map<D>&);        \
+  template CandidatePairs common_pairs<D>(const ComparedMaps<D>&);                  \
+  template CandidatePairs candidate_pairs<D>(const ComparedMaps<D>&, const CandidateOptions&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)
 #undef MAPJOIN_INSTANTIATE

@@ -111,12 +111,11 @@ CandidatePairs common_pairs(const ComparedMaps<D>& maps);
 ///
 /// No pair that passes the gate is left out: a variable of A is looked at when its distance to some
 /// variable of B is at most sqrt(gate (lambda_a + lambda_b)), with the largest eigenvalues of their
-/// covariances. `only_a` restricts the variables of A (numbers, ascending; empty: all of them), as
-/// overlapping_features() finds them. Cost: one sparse factorisation and selected inversion of each
-/// map's information, a sweep along one axis, and a solve for each scalar of what stands in a pair.
-/// \throws SingularError; InputError for a gate that is no probability.
+/// covariances. (The paper looks for local maps that may overlap first, by their radii and a
+/// possible error; this needs neither.) Cost: one sparse factorisation and selected inversion of
+/// each map's information, a sweep along one axis, and a solve for each scalar of what stands in a
+/// pair. \throws SingularError; InputError for a gate that is no probability.
 template <int D>
-CandidatePairs candidate_pairs(const ComparedMaps<D>& maps, const CandidateOptions& options,
-                               std::span<const int> only_a = {});
+CandidatePairs candidate_pairs(const ComparedMaps<D>& maps, const CandidateOptions& options);
 
 }  // namespace mapjoin

@@ -325,10 +325,10 @@ Association associate_unplaced(const Map<D>& a, const Map<D>& b, const Associati
     out.matches.push_back(
         {pair.a, name->first, pair.chi2, pair.dimension, pair.bound, false, pair.flagged});
   }
-  for (const auto& [in_b, in_a] : renaming.names()) {  // what the frame pins is not among them
+  for (const auto& name : renaming.names()) {  // what the frame pins is not among them
     const bool there = std::any_of(out.matches.begin(), out.matches.end(),
-                                   [&](const Match& m) { return m.b == in_b; });
-    if (!there) out.matches.push_back({in_a, in_b, 0.0, 0, 0.0, false, false});
+                                   [&](const Match& m) { return m.b == name.first; });
+    if (!there) out.matches.push_back({name.second, name.first, 0.0, 0, 0.0, false, false});
   }
   out.known = std::move(known);
   std::sort(out.matches.begin(), out.matches.end(),

@@ -37,7 +37,7 @@ Matching match_globally(const CandidatePairs& pairs);
 
 struct JointOptions {
   double gate = 0.9999;  ///< probability with which a right hypothesis is within the joint gate
-  std::int64_t most_hypotheses = 20000;  ///< then the best so far is taken, and `complete` is false
+  std::int64_t most_hypotheses = 5000;  ///< then the best so far is taken, and `complete` is false
 };
 
 /// Joint compatibility branch and bound (Neira and Tardos 2001): the hypothesis with most pairs,

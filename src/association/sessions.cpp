@@ -57,7 +57,7 @@ AssociatedSessions<D> associate_sessions(std::span<const Map<D>> maps,
       try {
         const auto frame = compared(before, maps[k]);
         const Association found =
-            frame ? associate<D>(*frame, options, {})
+            frame ? associate<D>(*frame, options)
                   : associate_unplaced(before, maps[k], options, constellations);
         out.maps.push_back(rename_keys(maps[k], Renaming(names_in_a(found))));
         before = join(before, out.maps.back());

@@ -12,9 +12,9 @@ using ::testing::Not;
 
 class Association : public Workbench {
  protected:
-  /// A folder of local maps with their true numbers.
+  /// A folder of local maps with their true numbers; of a walk on which no point is an outlier.
   std::string folder(int maps = 8) const {
-    Dice dice(2);
+    Dice dice(4);
     Walk walk;
     walk.maps = maps;
     LocalMapSet<2> set;

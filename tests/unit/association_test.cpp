@@ -257,8 +257,7 @@ TYPED_TEST(Associate, DoesNotLetWrongMatchesPassSilently) {
     const CandidatePairs pairs = common_pairs(compared);
     const Covariance<D> of_b(compared.b);
     for (std::size_t k = 0; k + 1 < maps.right.size(); k += 2) {
-      const auto& [own, first] = maps.right[k];
-      const auto& [other_own, second] = maps.right[k + 1];
+      const Key first = maps.right[k].second, second = maps.right[k + 1].second;
       // Apart by how the two lie to one another in b.
       const Eigen::VectorXd d = compared.b.values.point(first) - compared.b.values.point(second);
       const Eigen::MatrixXd joint = of_b.of(std::vector<Key>{first, second});
