@@ -337,8 +337,8 @@ void BottomCholesky::solve_bottom(Eigen::Ref<Eigen::MatrixXd> B) const {
   Eigen::MatrixXd rows(bottom_scalars_, B.cols());
   gather(bottom_, offset_, B, rows);
   const auto L = L22_.topLeftCorner(bottom_scalars_, bottom_scalars_);
-  L.triangularView<Eigen::Lower>().solveInPlace(rows);
-  L.transpose().triangularView<Eigen::Upper>().solveInPlace(rows);
+  solve_lower_left(L, rows);
+  solve_transposed_left(L, rows);
   scatter(bottom_, offset_, rows, B);
 }
 

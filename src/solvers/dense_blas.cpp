@@ -59,6 +59,15 @@ void solve_lower_left(const Eigen::Ref<const Eigen::MatrixXd>& L, Eigen::Ref<Eig
   dtrsm_("L", "L", "N", "N", &m, &n, &kOne, L.data(), &lda, B.data(), &ldb);
 }
 
+void solve_transposed_left(const Eigen::Ref<const Eigen::MatrixXd>& L,
+                           Eigen::Ref<Eigen::MatrixXd> B) {
+  if (B.size() == 0) return;
+  const SingleThreadedBlas one_thread;
+  const int m = size(B.rows()), n = size(B.cols());
+  const int lda = size(L.outerStride()), ldb = size(B.outerStride());
+  dtrsm_("L", "L", "T", "N", &m, &n, &kOne, L.data(), &lda, B.data(), &ldb);
+}
+
 void solve_lower_right(const Eigen::Ref<const Eigen::MatrixXd>& L, Eigen::Ref<Eigen::MatrixXd> B) {
   if (B.size() == 0) return;
   const SingleThreadedBlas one_thread;

@@ -20,8 +20,10 @@ void add_square(double alpha, const Eigen::Ref<const Eigen::MatrixXd>& A,
 /// positive: it and what follows are then of no use.
 int factor_lower(Eigen::Ref<Eigen::MatrixXd> A);
 
-/// B := L^-1 B, and B := B L^-T, for the lower triangle L.
+/// B := L^-1 B, B := L^-T B, and B := B L^-T, for the lower triangle L.
 void solve_lower_left(const Eigen::Ref<const Eigen::MatrixXd>& L, Eigen::Ref<Eigen::MatrixXd> B);
+void solve_transposed_left(const Eigen::Ref<const Eigen::MatrixXd>& L,
+                           Eigen::Ref<Eigen::MatrixXd> B);
 void solve_lower_right(const Eigen::Ref<const Eigen::MatrixXd>& L, Eigen::Ref<Eigen::MatrixXd> B);
 
 }  // namespace mapjoin

@@ -126,6 +126,9 @@ TEST(DenseBlas, AgreesWithPlainProducts) {
   solve_lower_left(L, left);
   solve_lower_right(L, right);
   EXPECT_LT(relative_distance(L * left, b), 1e-12);
+  Eigen::MatrixXd transposed = b;
+  solve_transposed_left(L, transposed);
+  EXPECT_LT(relative_distance(L.transpose() * transposed, b), 1e-12);
   EXPECT_LT(relative_distance(right * L.transpose(), c), 1e-12);
   Eigen::MatrixXd bad = -P;
   EXPECT_EQ(factor_lower(bad), 0);
