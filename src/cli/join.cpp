@@ -122,16 +122,14 @@ std::vector<std::string> native_maps_in(const std::string& folder) {
   return out;
 }
 
-bool has_text_maps(const std::string& folder) {
-  return !detail::local_map_files(folder).empty();
-}
+bool has_text_maps(const std::string& folder) { return !detail::local_map_files(folder).empty(); }
 
 void join(const JoinCommand& given) {
   JoinCommand a = given;
   expect_outputs(a.join);
   // What only sequences of local maps can have done to them takes a folder's text files, if any.
-  const bool as_sequence = a.features_only || a.check_matches || a.associate != "given" ||
-                           a.join.method != "linear";
+  const bool as_sequence =
+      a.features_only || a.check_matches || a.associate != "given" || a.join.method != "linear";
   if (a.inputs.size() == 1 && input_format(a.inputs[0]) == InputFormat::kLocalMaps &&
       !(as_sequence && has_text_maps(a.inputs[0]))) {
     const std::vector<std::string> maps = native_maps_in(a.inputs[0]);
