@@ -31,7 +31,8 @@ constexpr const char* kExamples = R"(Methods, of a folder of local maps in their
 
 Examples:
   mapjoin join victoria_park_200 --output park.g2o
-      A folder of localmap_1.txt, localmap_2.txt, ... (or .mat). Features are written as vertices 100000 + id.
+      A folder of localmap_1.txt, localmap_2.txt, ... (or .mat, from MATLAB). Features are written
+      as vertices 100000 + id.
   mapjoin join victoria_park_200 --features-only --anchor points:84,85 --output features.map
       The same with all poses marginalised out of the local maps first: D-SLAM.
   mapjoin join victoria_park_200 --method slsjf --output park.map
