@@ -3,6 +3,7 @@
 
     scripts/results.py                    all of it, about ten minutes
     scripts/results.py --quick            one repetition, small worlds, short limits; prints to stdout
+    scripts/results.py --items 3,7        only these; --update puts them into docs/results.md
 
 Runs the built program on the data sets in ../shared/data (or where MAPJOIN_DATA points) and, where
 they are built, the tests that show what a program cannot. Every figure is judged twice where the
@@ -53,12 +54,37 @@ def page(report, bench, options, seconds):
     return text + ("".join(misses) or "Nothing that was asked for.\n")
 
 
+def updated(page, report):
+    """The page with these sections instead of its own; new ones at the end."""
+    head, rest = page.split("\n## ", 1)
+    body, machine = ("\n## " + rest).split("\n## The machine", 1)
+    machine, misses = machine.split("\n## What is not met\n\n")
+    sections = {int(text.split(".", 1)[0]): "\n## " + text for text in body.split("\n## ")[1:]}
+    for text in "".join(report.sections).split("\n## ")[1:]:
+        sections[int(text.split(".", 1)[0])] = "\n## " + text
+    table, rows = head.split("|---|---|---|\n")
+    rows = {int(row.split("|")[1]): row for row in rows.strip().split("\n")}
+    rows.update({item: f"| {item} | {title} | {verdict} |"
+                 for item, title, verdict in report.verdicts})
+    new = {item for item, _, _ in report.verdicts}
+    kept = [line for line in misses.strip().split("\n")
+            if line.startswith("* Item ") and int(line.split()[2].rstrip(":")) not in new]
+    kept += [f"* Item {item}: {what}." for item, what in report.misses]
+    return (table + "|---|---|---|\n" + "\n".join(rows[k] for k in sorted(rows)) + "\n"
+            + "".join(sections[k] for k in sorted(sections)) + "\n## The machine" + machine
+            + "\n## What is not met\n\n"
+            + ("\n".join(sorted(kept, key=lambda line: int(line.split()[2].rstrip(":"))))
+               or "Nothing that was asked for.") + "\n")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--program", default=HERE / "build/release/mapjoin", help="the built program")
     parser.add_argument("--data", default=os.environ.get("MAPJOIN_DATA", HERE / "../shared/data"))
     parser.add_argument("--output", help="where the page goes [docs/results.md; --quick: stdout]")
     parser.add_argument("--items", default="", help="only these, as 1,3,7; prints to stdout")
+    parser.add_argument("--update", action="store_true",
+                        help="with --items: put them into docs/results.md (or --output)")
     parser.add_argument("--limit", type=float, help="seconds for a sequential run [1800; --quick: 5]")
     parser.add_argument("--repeat", type=int, help="repetitions for seconds [3; --quick: 1]")
     parser.add_argument("--quick", action="store_true", help="a look, not the record")
@@ -86,6 +112,9 @@ def main():
             report.append(parts[k])
         text = page(report, bench, options, time.monotonic() - start)
     output = options.output
+    if options.update:
+        output = output or HERE / "docs" / "results.md"
+        text = updated(Path(output).read_text(), report)
     if output is None and not options.quick and not wanted:
         output = HERE / "docs" / "results.md"
     if output is None:
