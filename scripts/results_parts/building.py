@@ -1,6 +1,7 @@
 """Local maps from raw measurements."""
 
 import math
+import re
 from pathlib import Path
 
 from .bench import figures, near, number, tests_of
