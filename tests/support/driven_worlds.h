@@ -64,7 +64,10 @@ inline DrivenWorld drive(const Drive& d) {
   const Vec<2> margin = Vec<2>::Constant(2.0);
   std::vector<Vec<2>> beacons;
   for (int b = 0; b < d.beacons; ++b) {
-    const Vec<2> u(places.uniform(), places.uniform());
+    // One by one: compilers differ in the order in which they evaluate arguments.
+    const double across = places.uniform();
+    const double along = places.uniform();
+    const Vec<2> u(along, across);
     beacons.push_back(low - margin + (high - low + 2.0 * margin).cwiseProduct(u));
     truth.add<Point2>(point_key(static_cast<std::uint64_t>(b)), beacons.back());
   }
@@ -72,7 +75,9 @@ inline DrivenWorld drive(const Drive& d) {
     for (std::size_t b = 0; b < beacons.size(); ++b) {
       Vec<2> p = poses[i].inverse() * beacons[b];
       if (p.norm() > d.range || p.norm() < 0.5) continue;
-      const Vec<2> elsewhere = p + 6.0 * Vec<2>(wrong.uniform() - 0.5, wrong.uniform() - 0.5);
+      const double aside = wrong.uniform() - 0.5;
+      const double ahead = wrong.uniform() - 0.5;
+      const Vec<2> elsewhere = p + 6.0 * Vec<2>(ahead, aside);
       if (wrong.uniform() < d.outliers && elsewhere.norm() > 1.0) p = elsewhere;
       const double n0 = d.noise * noise.normal();
       const double n1 = d.noise * noise.normal();
