@@ -1,11 +1,11 @@
 #include "mapjoin/association/matchers.h"
 
 #include <algorithm>
-#include <numeric>
 #include <utility>
 
 #include "mapjoin/association/assignment.h"
 #include "mapjoin/association/hypothesis.h"
+#include "mapjoin/graph/disjoint_sets.h"
 
 namespace mapjoin {
 
@@ -22,23 +22,10 @@ std::vector<int> within_gate(const CandidatePairs& pairs, const Hypothesis& give
   return out;
 }
 
-/// Sets of pairs that have variables in common, directly or through others.
-class Groups {
- public:
-  explicit Groups(int n) : parent_(at(n)) { std::iota(parent_.begin(), parent_.end(), 0); }
-  int root(int k) {
-    while (parent_[at(k)] != k) k = parent_[at(k)] = parent_[at(parent_[at(k)])];
-    return k;
-  }
-  void unite(int k, int l) { parent_[at(std::max(root(k), root(l)))] = std::min(root(k), root(l)); }
-
- private:
-  std::vector<int> parent_;
-};
-
-/// Groups of pairs, each in ascending order.
+/// Pairs that have variables in common, directly or through others: groups, each in ascending
+/// order.
 std::vector<std::vector<int>> connected(const CandidatePairs& pairs, const std::vector<int>& some) {
-  Groups groups(static_cast<int>(some.size()));
+  DisjointSets groups(static_cast<int>(some.size()));
   for (const bool by_a : {true, false}) {
     std::vector<std::pair<int, int>> users;  // (variable, place in `some`)
     for (std::size_t k = 0; k < some.size(); ++k) {

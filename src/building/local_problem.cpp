@@ -3,21 +3,14 @@
 #include <algorithm>
 #include <numeric>
 
+#include "mapjoin/graph/disjoint_sets.h"
+
 namespace mapjoin {
 
 namespace {
 
 int number_of(const std::vector<int>& sorted, int global) {
   return static_cast<int>(std::lower_bound(sorted.begin(), sorted.end(), global) - sorted.begin());
-}
-
-int root_of(std::vector<int>& parent, int i) {
-  while (parent[static_cast<std::size_t>(i)] != i) {
-    const int up = parent[static_cast<std::size_t>(i)];
-    parent[static_cast<std::size_t>(i)] = parent[static_cast<std::size_t>(up)];
-    i = up;
-  }
-  return i;
 }
 
 template <int D>
@@ -66,18 +59,14 @@ std::vector<LocalProblem<D>> local_problems(const RawLog<D>& log,
   poses.erase(std::unique(poses.begin(), poses.end()), poses.end());
 
   // Pieces: poses that relative poses hold together.
-  std::vector<int> parent(poses.size());
-  std::iota(parent.begin(), parent.end(), 0);
+  DisjointSets held(static_cast<int>(poses.size()));
   for (const auto& m : all) {
-    if (!places_pose(m)) continue;
-    const int a = root_of(parent, number_of(poses, m.from));
-    const int b = root_of(parent, number_of(poses, m.to));
-    parent[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
+    if (places_pose(m)) held.unite(number_of(poses, m.from), number_of(poses, m.to));
   }
   std::vector<int> piece_of(poses.size(), -1);
   std::vector<int> first_pose;
   for (std::size_t i = 0; i < poses.size(); ++i) {
-    const auto root = static_cast<std::size_t>(root_of(parent, static_cast<int>(i)));
+    const auto root = static_cast<std::size_t>(held.root(static_cast<int>(i)));
     if (root == i) {
       piece_of[i] = static_cast<int>(first_pose.size());
       first_pose.push_back(poses[i]);

@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "mapjoin/graph/check_local_map.h"
+#include "mapjoin/graph/disjoint_sets.h"
 #include "mapjoin/graph/error.h"
 #include "mapjoin/graph/key_numbering.h"
 #include "mapjoin/graph/map.h"
@@ -118,23 +118,14 @@ void MeasurementGraphBuilder<D>::add(const LocalMap<D>& local_map) {
   check_local_map(local_map);
   const SymmetricBlockMatrix& info = local_map.information;
   const int n = info.size();
-  std::vector<int> root(doubles(n));
-  std::iota(root.begin(), root.end(), 0);
-  const auto find = [&](int i) {
-    while (root[doubles(i)] != i) i = root[doubles(i)] = root[doubles(root[doubles(i)])];
-    return i;
-  };
+  DisjointSets coupled(n);
   for (int j = 0; j < n; ++j) {
-    for (std::int64_t s = info.begin(j) + 1; s < info.end(j); ++s) {
-      const int a = find(info.row(s));
-      const int b = find(j);
-      root[doubles(std::max(a, b))] = std::min(a, b);
-    }
+    for (std::int64_t s = info.begin(j) + 1; s < info.end(j); ++s) coupled.unite(info.row(s), j);
   }
   // Only a pose is where it is without a term: other anchors need theirs to say where the rest is.
   const bool from_pose = local_map.anchor.kind->tag == Tag("pose");
   std::vector<std::vector<int>> groups(doubles(n));
-  for (int i = 0; i < n; ++i) groups[doubles(from_pose ? find(i) : 0)].push_back(i);
+  for (int i = 0; i < n; ++i) groups[doubles(from_pose ? coupled.root(i) : 0)].push_back(i);
   std::vector<std::size_t> value_start(doubles(n) + 1, 0);
   for (int i = 0; i < n; ++i) {
     value_start[doubles(i) + 1] =
@@ -351,24 +342,16 @@ MeasurementGraph<D> subgraph(const MeasurementGraph<D>& graph,
 template <int D>
 std::vector<MeasurementGraph<D>> connected_components(const MeasurementGraph<D>& graph) {
   const CliqueList all = cliques(graph);
-  std::vector<int> root(doubles(graph.variables.size()));
-  std::iota(root.begin(), root.end(), 0);
-  const auto find = [&](int i) {
-    while (root[doubles(i)] != i) i = root[doubles(i)] = root[doubles(root[doubles(i)])];
-    return i;
-  };
+  DisjointSets linked(graph.variables.size());
   for (std::size_t k = 0; k < all.size(); ++k) {
     const auto first = static_cast<std::size_t>(all.start[k]);
-    for (auto v = first + 1; v < static_cast<std::size_t>(all.start[k + 1]); ++v) {
-      const int a = find(all.variables[first]);
-      const int b = find(all.variables[v]);
-      root[doubles(std::max(a, b))] = std::min(a, b);
-    }
+    for (auto v = first + 1; v < static_cast<std::size_t>(all.start[k + 1]); ++v)
+      linked.unite(all.variables[first], all.variables[v]);
   }
-  std::vector<int> number(root.size(), -1);
+  std::vector<int> number(doubles(linked.size()), -1);
   std::vector<std::vector<std::int64_t>> members;
   for (int i = 0; i < graph.variables.size(); ++i) {
-    if (find(i) == i) {
+    if (linked.root(i) == i) {
       number[doubles(i)] = static_cast<int>(members.size());
       members.emplace_back();
     }
@@ -380,7 +363,7 @@ std::vector<MeasurementGraph<D>> connected_components(const MeasurementGraph<D>&
   }
   for (std::size_t k = 0; k < all.size(); ++k) {
     const int v = all.variables[static_cast<std::size_t>(all.start[k])];
-    members[doubles(number[doubles(find(v))])].push_back(static_cast<std::int64_t>(k));
+    members[doubles(number[doubles(linked.root(v))])].push_back(static_cast<std::int64_t>(k));
   }
   for (const auto& observations : members) out.push_back(subgraph(graph, observations));
   return out;

@@ -4,9 +4,10 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
-#include <numeric>
 
 #include "mapjoin/graph/builtin_types.h"
+#include "mapjoin/graph/disjoint_sets.h"
+#include "mapjoin/graph/rotation.h"
 
 namespace mapjoin {
 
@@ -64,17 +65,6 @@ class Poses {
   const Piece<D>* piece_;
 };
 
-/// Angle of a rotation, 0 .. pi.
-template <int D>
-double angle_of(const Mat<D, D>& R) {
-  if constexpr (D == 2) {
-    return std::abs(std::atan2(R(1, 0) - R(0, 1), R(0, 0) + R(1, 1)));
-  } else {
-    const Vec<3> axis(R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1));
-    return std::atan2(axis.norm(), R.trace() - 1.0);
-  }
-}
-
 struct Strained {
   int a, b;
   double angle;
@@ -92,16 +82,9 @@ std::vector<Strained> strained_links(const MeasurementGraph<D>& graph, const Pie
     const Rigid<D>& z = *reinterpret_cast<const Rigid<D>*>(link.z());
     const Mat<D, D> between = pose[link.from].R.transpose() * pose[link.to].R;
     if (z.R.cwiseProduct(between).sum() > least_trace) return;  // the trace of z^T between
-    out.push_back({link.from, link.to, angle_of<D>(Mat<D, D>(z.R.transpose() * between))});
+    out.push_back({link.from, link.to, rotation_log<D, double>(z.R.transpose() * between).norm()});
   });
   return out;
-}
-
-/// The representative of a set, with the path to it shortened.
-int root_of(std::vector<int>& parent, int i) {
-  const auto at = [&](int k) -> int& { return parent[static_cast<std::size_t>(k)]; };
-  while (at(i) != i) i = at(i) = at(at(i));
-  return i;
 }
 
 }  // namespace
@@ -120,17 +103,15 @@ std::vector<int> coiled_poses(const MeasurementGraph<D>& graph, const Piece<D>& 
   const auto number = [&](int place) {
     return static_cast<int>(std::lower_bound(poses.begin(), poses.end(), place) - poses.begin());
   };
-  std::vector<int> parent(poses.size());
-  std::iota(parent.begin(), parent.end(), 0);
-  for (const Strained& s : strained)
-    parent[static_cast<std::size_t>(root_of(parent, number(s.a)))] = root_of(parent, number(s.b));
+  DisjointSets chains(static_cast<int>(poses.size()));
+  for (const Strained& s : strained) chains.unite(number(s.a), number(s.b));
   std::vector<double> turned(poses.size(), 0.0);
   for (const Strained& s : strained)
-    turned[static_cast<std::size_t>(root_of(parent, number(s.a)))] += s.angle;
+    turned[static_cast<std::size_t>(chains.root(number(s.a)))] += s.angle;
 
   std::vector<int> out;
   for (std::size_t k = 0; k < poses.size(); ++k) {
-    const int root = root_of(parent, static_cast<int>(k));
+    const int root = chains.root(static_cast<int>(k));
     if (turned[static_cast<std::size_t>(root)] > kCoiled) out.push_back(poses[k]);
   }
   return out;
