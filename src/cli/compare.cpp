@@ -169,12 +169,6 @@ const Values<D>* reference_of(const Row<D>& row, const std::vector<Row<D>>& rows
   return found == rows.end() ? nullptr : &found->result.map.values;
 }
 
-double sum_of(const FilterReport& report, double Fusion::*part) {
-  double sum = 0.0;
-  for (const Fusion& fusion : report.fusions) sum += fusion.*part;
-  return sum;
-}
-
 std::string cell(bool there, double value, int digits) {
   return there ? fmt::format("{:.{}f}", value, digits) : std::string("-");
 }
@@ -209,11 +203,11 @@ std::string text(const std::vector<Row<D>>& rows, bool with_truth) {
       out += fmt::format("{:>12}{:>20}", cell(row.consistency.has_value(), c.nees, 1),
                          row.consistency ? fmt::format("{:.1f}..{:.1f}", c.lower, c.upper) : "-");
     }
-    out += fmt::format(
-        "{:>9.3f}{:>9.3f}{:>9.3f}{:>9.3f}{:>9.3f}{:>9.3f}{:>9.1f}\n",
-        sum_of(report, &Fusion::seconds_update), sum_of(report, &Fusion::seconds_order),
-        sum_of(report, &Fusion::seconds_factor), sum_of(report, &Fusion::seconds_recover),
-        report.seconds_refine, row.seconds, static_cast<double>(row.memory) / 1048576.0);
+    const Fusion sum = report.total();
+    out += fmt::format("{:>9.3f}{:>9.3f}{:>9.3f}{:>9.3f}{:>9.3f}{:>9.3f}{:>9.1f}\n",
+                       sum.seconds_update, sum.seconds_order, sum.seconds_factor,
+                       sum.seconds_recover, report.seconds_refine, row.seconds,
+                       static_cast<double>(row.memory) / 1048576.0);
   }
   return out;
 }
@@ -240,10 +234,11 @@ nlohmann::ordered_json json(const Row<D>& row) {
     out["lower"] = row.consistency->lower;
     out["upper"] = row.consistency->upper;
   }
-  out["seconds_by_step"] = {{"add", sum_of(report, &Fusion::seconds_update)},
-                            {"order", sum_of(report, &Fusion::seconds_order)},
-                            {"factor", sum_of(report, &Fusion::seconds_factor)},
-                            {"recover", sum_of(report, &Fusion::seconds_recover)},
+  const Fusion sum = report.total();
+  out["seconds_by_step"] = {{"add", sum.seconds_update},
+                            {"order", sum.seconds_order},
+                            {"factor", sum.seconds_factor},
+                            {"recover", sum.seconds_recover},
                             {"refine", report.seconds_refine}};
   out["memory_bytes"] = row.memory;
   out["scalars"] = report.scalars;
@@ -252,12 +247,8 @@ nlohmann::ordered_json json(const Row<D>& row) {
   if (report.refine_solves > 0) out["refine_solves"] = report.refine_solves;
   out["minimum"] = report.minimum;
   out["seconds_per_map"] = nlohmann::json::array();
-  int reordered = 0;
-  for (const Fusion& fusion : report.fusions) {
-    out["seconds_per_map"].push_back(fusion.seconds());
-    reordered += fusion.reordered ? 1 : 0;
-  }
-  if (!report.fusions.empty()) out["reordered"] = reordered;
+  for (const Fusion& fusion : report.fusions) out["seconds_per_map"].push_back(fusion.seconds());
+  if (!report.fusions.empty()) out["reordered"] = report.reordered();
   return out;
 }
 

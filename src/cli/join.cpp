@@ -10,11 +10,8 @@
 #include "mapjoin/cli/progress.h"
 #include "mapjoin/cli/run.h"
 #include "mapjoin/filtering/methods.h"
-#include "mapjoin/frames/anchors.h"
 #include "mapjoin/io/local_map_files.h"
-#include "mapjoin/io/local_maps.h"
 #include "mapjoin/io/native_map.h"
-#include "mapjoin/joining/features_only.h"
 #include "mapjoin/joining/join_all.h"
 
 namespace mapjoin::cli {

@@ -1,19 +1,13 @@
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <memory>
-
-#include "mapjoin/association/sessions.h"
-#include "mapjoin/cli/commands.h"
+#include "mapjoin/association/associated_join.h"
 #include "mapjoin/cli/input.h"
 #include "mapjoin/cli/join_command.h"
 #include "mapjoin/cli/progress.h"
 #include "mapjoin/cli/run.h"
 #include "mapjoin/filtering/methods.h"
 #include "mapjoin/frames/anchors.h"
-#include "mapjoin/io/local_map_files.h"
 #include "mapjoin/io/local_maps.h"
-#include "mapjoin/io/native_map.h"
 #include "mapjoin/joining/features_only.h"
 #include "mapjoin/joining/join_all.h"
 
@@ -87,23 +81,14 @@ VariableSet<D> variables_of(Method method, const VariableSet<D>& all,
 }
 
 /// What a filter did, in the words of a report.
-template <int D>
 std::string note_of(const FilterReport& report) {
-  Fusion sum;
-  int reordered = 0;
-  for (const Fusion& fusion : report.fusions) {
-    sum.seconds_update += fusion.seconds_update;
-    sum.seconds_order += fusion.seconds_order;
-    sum.seconds_factor += fusion.seconds_factor;
-    sum.seconds_recover += fusion.seconds_recover;
-    reordered += fusion.reordered ? 1 : 0;
-  }
+  const Fusion sum = report.total();
   return fmt::format(
       "{} maps fused, the state reordered {} times; {} scalars, {} non-zeros of the information "
       "matrix; seconds: {:.3f} adding, {:.3f} ordering, {:.3f} factorising, {:.3f} recovering the "
       "estimate",
-      report.fusions.size(), reordered, report.scalars, report.nonzeros, sum.seconds_update,
-      sum.seconds_order, sum.seconds_factor, sum.seconds_recover);
+      report.fusions.size(), report.reordered(), report.scalars, report.nonzeros,
+      sum.seconds_update, sum.seconds_order, sum.seconds_factor, sum.seconds_recover);
 }
 
 template <int D>
@@ -120,7 +105,7 @@ JoinResult<D> join_by_filter(Method method, const LocalMapSet<D>& set, const Joi
   for (const auto& column : result.map.variables().columns()) {
     (column.kind->tag == Tag("pose") ? out.report.poses : out.report.features) += column.size();
   }
-  out.report.notes.push_back(note_of<D>(result.report));
+  out.report.notes.push_back(note_of(result.report));
   out.maps.push_back(std::move(result.map));
   return out;
 }

@@ -59,6 +59,13 @@ struct Fusion {
   double seconds_factor = 0.0;     ///< Cholesky, whole or of the bottom
   double seconds_recover = 0.0;    ///< solving for the estimate
   double seconds_associate = 0.0;  ///< of the caller's data association
+  void add_seconds(const Fusion& other) {
+    seconds_update += other.seconds_update;
+    seconds_order += other.seconds_order;
+    seconds_factor += other.seconds_factor;
+    seconds_recover += other.seconds_recover;
+    seconds_associate += other.seconds_associate;
+  }
   double seconds() const {
     return seconds_update + seconds_order + seconds_factor + seconds_recover + seconds_associate;
   }

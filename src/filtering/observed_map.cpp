@@ -9,6 +9,7 @@
 #include "mapjoin/frames/align.h"
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/whole_piece.h"
 #include "mapjoin/joining/leaf.h"
 #include "mapjoin/solvers/observation_list.h"
 
@@ -17,14 +18,6 @@ namespace mapjoin {
 namespace {
 
 std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
-
-template <int D>
-Piece<D> whole(const MeasurementGraph<D>& graph, const Values<D>& values) {
-  Piece<D> piece = to_piece(graph.variables, values);
-  piece.observations.resize(graph.size());
-  std::iota(piece.observations.begin(), piece.observations.end(), 0);
-  return piece;
-}
 
 /// What the filter and a local map have in common: positions and orientations, as align wants them.
 template <int D>
@@ -93,7 +86,7 @@ void add_new_variables(InformationFilter<D>& filter, const Values<D>& placed) {
 
 template <int D>
 void add_observed(InformationFilter<D>& filter, const MeasurementGraph<D>& graph) {
-  const Piece<D> piece = whole(graph, known(filter, graph.variables));
+  const Piece<D> piece = whole_piece(graph, known(filter, graph.variables));
   Places places(graph.variables.size());
   const ObservationList<D> list(graph, piece, places);
   const std::vector<int> offsets = graph.variables.offsets();

@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include <memory>
-#include <numeric>
 #include <utility>
 
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/change_frame.h"
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/whole_piece.h"
 #include "mapjoin/joining/refine.h"
 #include "mapjoin/joining/report.h"
 
@@ -16,8 +16,6 @@ namespace mapjoin {
 
 namespace {
 
-/// Of chi2: what smoothing may leave above the minimum, as everywhere (joining/join_all.cpp).
-constexpr double kSmoothTolerance = 2e-8;
 constexpr int kMostSolves = 100;
 
 }  // namespace
@@ -45,10 +43,7 @@ Fusion Slsjf<D>::fuse(const LocalMap<D>& local_map) {
   if (options_.relinearise_every > 0 && fused_ % options_.relinearise_every == 0) {
     const Fusion again = relinearise();
     fusion.relinearised = true;
-    fusion.seconds_update += again.seconds_update;
-    fusion.seconds_order += again.seconds_order;
-    fusion.seconds_factor += again.seconds_factor;
-    fusion.seconds_recover += again.seconds_recover;
+    fusion.add_seconds(again);
   }
   return fusion;
 }
@@ -83,14 +78,6 @@ MeasurementGraph<D> graph_of(std::span<const LocalMap<D>> local_maps) {
   MeasurementGraphBuilder<D> builder;
   for (const LocalMap<D>& map : local_maps) builder.add(map);
   return std::move(builder).build();
-}
-
-template <int D>
-Piece<D> whole_piece(const MeasurementGraph<D>& graph, const Values<D>& values) {
-  Piece<D> piece = to_piece(graph.variables, values);
-  piece.observations.resize(graph.size());
-  std::iota(piece.observations.begin(), piece.observations.end(), 0);
-  return piece;
 }
 
 template <int D>
@@ -159,7 +146,7 @@ FilterResult<D> smooth(std::span<const LocalMap<D>> local_maps, const Values<D>&
   FrontalCholesky cholesky;
   WorkerPool pool;
   const RefineResult refined =
-      refine(*graph, piece, system, cholesky, pool, kMostSolves, kSmoothTolerance, progress);
+      refine(*graph, piece, system, cholesky, pool, kMostSolves, kRefineTolerance, progress);
   FilterResult<D> out;
   out.report.refine_solves = refined.solves;
   out.report.chi2 = refined.chi2;

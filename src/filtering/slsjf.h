@@ -70,6 +70,19 @@ struct FilterReport {
   double seconds_refine = 0.0;
   double chi2 = 0.0;    ///< over all local maps, at the end
   bool minimum = true;  ///< of an iterated method: it ended in one
+
+  /// Seconds of all fusions, by step.
+  Fusion total() const {
+    Fusion sum;
+    for (const Fusion& fusion : fusions) sum.add_seconds(fusion);
+    return sum;
+  }
+  /// How many of them reordered the state.
+  int reordered() const {
+    int count = 0;
+    for (const Fusion& fusion : fusions) count += fusion.reordered ? 1 : 0;
+    return count;
+  }
 };
 
 template <int D>

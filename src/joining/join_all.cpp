@@ -19,9 +19,6 @@ namespace mapjoin {
 
 namespace {
 
-/// Of chi2: what may be left above the minimum, by an estimate that is rather too large.
-constexpr double kRefineTolerance = 2e-8;
-
 void check(const JoinOptions& options) {
   if (options.threads < 1) throw InputError("threads must be at least 1");
   if (options.leaf_variables < 1) throw InputError("leaf_variables must be at least 1");

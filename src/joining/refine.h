@@ -8,6 +8,10 @@
 
 namespace mapjoin {
 
+/// Of chi2: what may be left above the minimum, by an estimate that is rather too large, wherever
+/// nobody asks for another figure.
+inline constexpr double kRefineTolerance = 2e-8;
+
 /// What an iteration of solves did.
 struct RefineResult {
   double chi2_before = 0.0;  ///< where it began

@@ -3,9 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
-#include <numeric>
 
 #include "mapjoin/evaluation/simulate.h"
+#include "mapjoin/graph/whole_piece.h"
 #include "mapjoin/joining/join_all.h"
 #include "mapjoin/joining/refine.h"
 
@@ -15,9 +15,7 @@ namespace {
 /// chi2 of the minimum next to the truth.
 template <int D>
 double refined_from_truth(const Simulation<D>& world) {
-  Piece<D> piece = to_piece(world.graph.variables, world.truth);
-  piece.observations.resize(world.graph.size());
-  std::iota(piece.observations.begin(), piece.observations.end(), std::int64_t{0});
+  Piece<D> piece = whole_piece(world.graph, world.truth);
   Places places(world.graph.variables.size());
   ObservationSystem<D> system(world.graph, piece, {}, places);
   FrontalCholesky cholesky;

@@ -7,13 +7,13 @@
 
 #include <algorithm>
 #include <memory>
-#include <numeric>
 #include <span>
 #include <vector>
 
 #include "mapjoin/evaluation/simulate.h"
 #include "mapjoin/frames/change_frame.h"
 #include "mapjoin/frames/local_map.h"
+#include "mapjoin/graph/whole_piece.h"
 #include "mapjoin/joining/join_all.h"
 #include "mapjoin/joining/refine.h"
 #include "tests/support/ceres_reference.h"
@@ -265,9 +265,7 @@ TYPED_TEST(JoinAll, KeepsASharedGraphItself) {
 template <int D>
 RefineResult refined_from(const MeasurementGraph<D>& graph, const Values<D>& values,
                           double tolerance) {
-  Piece<D> piece = to_piece(graph.variables, values);
-  piece.observations.resize(graph.size());
-  std::iota(piece.observations.begin(), piece.observations.end(), std::int64_t{0});
+  Piece<D> piece = whole_piece(graph, values);
   Places places(graph.variables.size());
   ObservationSystem<D> system(graph, piece, {}, places);
   FrontalCholesky cholesky;

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "mapjoin/graph/whole_piece.h"
 #include "mapjoin/joining/refine.h"
 #include "tests/support/random_maps.h"
 
@@ -56,13 +57,13 @@ class Coils : public testing::Test {
     Values<D> values = truth;
     for (int k = 10; k <= 20; ++k)
       turn(values, k, turns * 2.0 * std::numbers::pi * (k - 10) / 10.0);
-    return piece_of(values);
+    return whole_piece(graph, values);
   }
   /// One pose turned.
   Piece<D> turned(int k, double angle) const {
     Values<D> values = truth;
     turn(values, k, angle);
-    return piece_of(values);
+    return whole_piece(graph, values);
   }
   static void turn(Values<D>& values, int k, double angle) {
     Rigid<D> x = pose(k);
@@ -70,12 +71,6 @@ class Coils : public testing::Test {
     x.R(1, 0) = std::sin(angle);
     x.R(0, 1) = -x.R(1, 0);
     values.template set<PoseType<D>>(values.variables().require(key(k), "test"), x);
-  }
-  Piece<D> piece_of(const Values<D>& values) const {
-    Piece<D> piece = to_piece(graph.variables, values);
-    piece.observations.resize(graph.size());
-    std::iota(piece.observations.begin(), piece.observations.end(), 0);
-    return piece;
   }
   double refined(Piece<D>& piece) {
     Places places(graph.variables.size());

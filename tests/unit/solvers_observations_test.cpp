@@ -7,6 +7,7 @@
 #include <numeric>
 #include <vector>
 
+#include "mapjoin/graph/whole_piece.h"
 #include "mapjoin/solvers/observation_system.h"
 #include "mapjoin/solvers/sparse_cholesky.h"
 #include "mapjoin/solvers/submap_kernel.h"
@@ -23,14 +24,6 @@ template <class T>
 class Observations : public ::testing::Test {};
 using Dimensions = ::testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 3>>;
 TYPED_TEST_SUITE(Observations, Dimensions);
-
-template <int D>
-Piece<D> whole(const MeasurementGraph<D>& graph, const Values<D>& x) {
-  Piece<D> piece = to_piece(graph.variables, x);
-  piece.observations.resize(graph.size());
-  std::iota(piece.observations.begin(), piece.observations.end(), 0);
-  return piece;
-}
 
 /// A graph of relative measurements and of dense local maps, some of which measure a variable
 /// twice, or the pose of another.
@@ -55,7 +48,7 @@ TYPED_TEST(Observations, AreLinearisedAsTheDefinitionSays) {
     Dice dice(seed);
     const auto sample = mixed_graph<D>(dice);
     const Values<D> x = noisy(dice, sample.truth, 0.2);  // where residuals are large
-    const Piece<D> piece = whole(sample.graph, x);
+    const Piece<D> piece = whole_piece(sample.graph, x);
     Places places(sample.graph.variables.size());
     const ObservationList<D> list(sample.graph, piece, places);
     const auto expected = CeresReference<D>(sample.graph).normal_equations(x);
@@ -75,7 +68,7 @@ TYPED_TEST(Observations, AreSolvedAsDenseAlgebraSolvesThem) {
     Dice dice(seed);
     const auto sample = mixed_graph<D>(dice);
     const Values<D> x = noisy(dice, sample.truth, 0.1);
-    const Piece<D> piece = whole(sample.graph, x);
+    const Piece<D> piece = whole_piece(sample.graph, x);
     Places places(sample.graph.variables.size());
     const auto normal = CeresReference<D>(sample.graph).normal_equations(x);
     std::vector<std::int32_t> backwards(static_cast<std::size_t>(sample.graph.variables.size()));
@@ -112,7 +105,7 @@ TYPED_TEST(Observations, GiveTheSameBitsOnAnyNumberOfThreads) {
   constexpr int D = TypeParam::value;
   Dice dice(4);
   const auto sample = random_graph<D>(dice, {.poses = 300, .points = 100, .closures = 60});
-  const Piece<D> piece = whole(sample.graph, noisy(dice, sample.truth, 0.05));
+  const Piece<D> piece = whole_piece(sample.graph, noisy(dice, sample.truth, 0.05));
   Places places(sample.graph.variables.size());
   std::vector<Eigen::VectorXd> results;
   std::vector<double> chi2;
