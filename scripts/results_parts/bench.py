@@ -12,6 +12,9 @@ from pathlib import Path
 
 from .data_sets import MAPS, PAPER_ROWS, REFERENCES
 
+# Where pictures of the page go.
+IMAGES = Path(__file__).resolve().parent.parent.parent / "docs" / "images"
+
 
 class Failed(Exception):
     pass

@@ -2,12 +2,9 @@
 
 import math
 import re
-from pathlib import Path
 
-from .bench import figures, near, number, tests_of
+from .bench import IMAGES, figures, near, number, tests_of
 from .data_sets import LANDMARKS, ROWS, label, row
-
-IMAGES = Path(__file__).resolve().parent.parent.parent / "docs" / "images"
 
 
 def by_local_maps(bench, source, n, *options, output="out.g2o"):
