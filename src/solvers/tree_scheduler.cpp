@@ -1,32 +1,14 @@
 #include "mapjoin/solvers/tree_scheduler.h"
 
 #include <algorithm>
-#include <thread>
+
+#include "mapjoin/solvers/patience.h"
 
 namespace mapjoin {
 namespace {
 
 constexpr int kCountBits = 20;
 constexpr std::uint64_t kCountMask = (std::uint64_t{1} << kCountBits) - 1;
-
-// Waiting is short when all threads have a core of their own; when they have not, the core is given
-// away.
-class Patience {
- public:
-  void wait() {
-    if (++rounds_ < 512) {
-#if defined(__x86_64__) || defined(__i386__)
-      __builtin_ia32_pause();
-#endif
-    } else {
-      std::this_thread::yield();
-    }
-  }
-  void renew() { rounds_ = 0; }
-
- private:
-  int rounds_ = 0;
-};
 
 }  // namespace
 
@@ -56,51 +38,79 @@ bool SharedLoop::help() {
   return true;
 }
 
+void share_tasks(std::span<const FrontTask> tasks, int threads, std::vector<std::int32_t>& owner) {
+  const auto own_cost = [&](const FrontTask& task) {
+    return task.path_cost - (task.parent < 0 ? 0.0 : tasks[task.parent].path_cost);
+  };
+  double total = 0.0;
+  for (const FrontTask& task : tasks) total += own_cost(task);
+  double before = 0.0;
+  owner.clear();
+  for (const FrontTask& task : tasks) {
+    const double middle = before + 0.5 * own_cost(task);
+    before += own_cost(task);
+    const double share = total > 0.0 ? middle / total : 0.0;
+    owner.push_back(std::min(static_cast<int>(share * threads), threads - 1));
+  }
+}
+
 void TreeScheduler::reset(std::span<const FrontTask> tasks, int threads) {
   tasks_ = tasks;
   if (threads > threads_)
     loops_ = std::make_unique<SharedLoop[]>(static_cast<std::size_t>(threads));
   threads_ = std::max(threads, threads_);
+  share_tasks(tasks, threads, owner_);
   waits_for_.clear();
-  ready_.clear();
-  ready_.reserve(tasks.size());
+  ready_.resize(static_cast<std::size_t>(threads_));
+  for (auto& heap : ready_) heap.clear();
+  ready_count_ = 0;
   for (std::size_t t = 0; t < tasks.size(); ++t) {
     waits_for_.push_back(tasks[t].waits_for);
-    if (tasks[t].waits_for == 0) ready_.push_back(static_cast<std::int32_t>(t));
+    if (tasks[t].waits_for == 0) make_ready(static_cast<int>(t));
   }
-  const auto sooner = [&](int a, int b) { return tasks_[a].path_cost < tasks_[b].path_cost; };
-  std::make_heap(ready_.begin(), ready_.end(), sooner);
-  ready_count_ = static_cast<int>(ready_.size());
   remaining_ = static_cast<int>(tasks.size());
 }
 
-int TreeScheduler::finish_and_take(int finished) {
+void TreeScheduler::make_ready(int task) {
   const auto sooner = [&](int a, int b) { return tasks_[a].path_cost < tasks_[b].path_cost; };
-  const std::lock_guard lock(mutex_);
-  if (finished >= 0) {
-    const int parent = tasks_[finished].parent;
-    if (parent >= 0 && --waits_for_[parent] == 0) {
-      ready_.push_back(parent);
-      std::push_heap(ready_.begin(), ready_.end(), sooner);
+  auto& heap = ready_[static_cast<std::size_t>(owner_[task])];
+  heap.push_back(task);
+  std::push_heap(heap.begin(), heap.end(), sooner);
+  ready_count_.fetch_add(1, std::memory_order_relaxed);
+}
+
+int TreeScheduler::take(int thread) {
+  const auto sooner = [&](int a, int b) { return tasks_[a].path_cost < tasks_[b].path_cost; };
+  auto* from = &ready_[static_cast<std::size_t>(thread)];
+  if (from->empty()) {
+    for (auto& heap : ready_) {
+      if (!heap.empty() && (from->empty() || sooner(from->front(), heap.front()))) from = &heap;
     }
-    remaining_.fetch_sub(1, std::memory_order_release);
+    if (from->empty()) return -1;
   }
-  int task = -1;
-  if (!ready_.empty()) {
-    std::pop_heap(ready_.begin(), ready_.end(), sooner);
-    task = ready_.back();
-    ready_.pop_back();
-  }
-  ready_count_.store(static_cast<int>(ready_.size()), std::memory_order_relaxed);
+  std::pop_heap(from->begin(), from->end(), sooner);
+  const int task = from->back();
+  from->pop_back();
+  ready_count_.fetch_sub(1, std::memory_order_relaxed);
   return task;
 }
 
-int TreeScheduler::next(int finished) {
-  int task = finish_and_take(finished);
+int TreeScheduler::finish_and_take(int thread, int finished) {
+  const std::lock_guard lock(mutex_);
+  if (finished >= 0) {
+    const int parent = tasks_[finished].parent;
+    if (parent >= 0 && --waits_for_[parent] == 0) make_ready(parent);
+    remaining_.fetch_sub(1, std::memory_order_release);
+  }
+  return take(thread);
+}
+
+int TreeScheduler::next(int thread, int finished) {
+  int task = finish_and_take(thread, finished);
   for (Patience patience; task < 0;) {
     if (remaining_.load(std::memory_order_acquire) == 0) return -1;
     if (ready_count_.load(std::memory_order_relaxed) > 0) {
-      task = finish_and_take(-1);
+      task = finish_and_take(thread, -1);
       continue;
     }
     bool helped = false;

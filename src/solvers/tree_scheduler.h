@@ -34,6 +34,11 @@ class alignas(64) SharedLoop {
   LoopRunner::Body body_ = nullptr;
 };
 
+/// The thread, of 0 .. threads - 1, that each task had best be done by: neighbouring subtrees,
+/// alike in cost. In every pass over the same tree that is the same, so a thread finds in its
+/// caches what it wrote in the pass before.
+void share_tasks(std::span<const FrontTask> tasks, int threads, std::vector<std::int32_t>& owner);
+
 /// One pass over a task tree. Which thread runs what depends on timing; results must not.
 class TreeScheduler {
  public:
@@ -41,26 +46,29 @@ class TreeScheduler {
   void reset(std::span<const FrontTask> tasks, int threads);
 
   /// To be called by each thread: calls run(task, loop) for one ready task after another, the
-  /// longest path to the root first, until all tasks are done. `loop` spreads an inner loop over
-  /// idle threads.
+  /// longest path to the root first, until all tasks are done: of its own tasks (share_tasks) as
+  /// long as there are any, then of others'. `loop` spreads an inner loop over idle threads.
   template <class Run>
   void work(int thread, Run&& run) {
     const LoopRunner loop{.run = run_shared, .runner = &loops_[static_cast<std::size_t>(thread)]};
     int task = -1;
-    while ((task = next(task)) >= 0) run(task, loop);
+    while ((task = next(thread, task)) >= 0) run(task, loop);
   }
 
  private:
   /// Marks `finished` (or -1) done and returns the next task, waiting and helping meanwhile; -1
   /// when all are done.
-  int next(int finished);
-  int finish_and_take(int finished);
+  int next(int thread, int finished);
+  int finish_and_take(int thread, int finished);
+  int take(int thread);
+  void make_ready(int task);
   static void run_shared(void* loop, int count, void* context, LoopRunner::Body body);
 
   std::span<const FrontTask> tasks_;
   std::mutex mutex_;
   std::vector<std::int32_t> waits_for_;
-  std::vector<std::int32_t> ready_;  ///< a heap by path cost
+  std::vector<std::int32_t> owner_;               ///< per task
+  std::vector<std::vector<std::int32_t>> ready_;  ///< per thread: a heap by path cost
   std::atomic<int> remaining_ = 0;
   std::atomic<int> ready_count_ = 0;
   std::unique_ptr<SharedLoop[]> loops_;

@@ -1,9 +1,8 @@
 // A few threads that stay alive between jobs.
 #pragma once
 
-#include <condition_variable>
+#include <atomic>
 #include <cstdint>
-#include <mutex>
 #include <thread>
 #include <type_traits>
 #include <vector>
@@ -13,8 +12,9 @@ namespace mapjoin {
 /// Runs one job at a time on a fixed number of threads, the caller's being one of them.
 ///
 /// Starting threads takes as long as a whole small factorization, so a solver is handed a pool that
-/// lives as long as the program's part that needs it. Not to be used from two threads at once, nor
-/// from inside a job.
+/// lives as long as the program's part that needs it. Waking a thread takes as long as a step of a
+/// thousand poses: after a job threads stay awake for some tens of microseconds, in case another
+/// one follows. Not to be used from two threads at once, nor from inside a job.
 class WorkerPool {
  public:
   /// `threads` >= 1; 1 starts no thread at all.
@@ -42,14 +42,10 @@ class WorkerPool {
   void work(int thread);
 
   std::vector<std::thread> workers_;
-  std::mutex mutex_;
-  std::condition_variable wake_;
-  std::condition_variable done_;
-  Call call_ = nullptr;
+  Call call_ = nullptr;  ///< the job, written before jobs_started_ says that there is one
   void* object_ = nullptr;
-  std::int64_t jobs_started_ = 0;
-  int still_running_ = 0;
-  bool stop_ = false;
+  std::atomic<std::uint32_t> jobs_started_ = 0;
+  std::atomic<int> still_running_ = 0;
 };
 
 }  // namespace mapjoin
