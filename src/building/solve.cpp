@@ -46,7 +46,8 @@ void refine_over(const std::shared_ptr<const MeasurementGraph<D>>& graph, JoinRe
   JoinReport& report = result.report;
   report.chi2 = report.chi2_linear = 0.0;
   report.observations = static_cast<std::int64_t>(graph->size());
-  WorkerPool pool(options.threads);
+  const std::shared_ptr<WorkerPool> workers = workers_of(options);
+  WorkerPool& pool = *workers;
   FrontalCholesky cholesky;
   Places places(graph->variables.size());
   for (Map<D>& map : result.maps) {

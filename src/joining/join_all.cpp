@@ -193,7 +193,8 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
   JoinReport& report = result.report;
   count_variables(graph, report);
   report.root_solves = options.root_solves > 0 ? options.root_solves : 2;
-  WorkerPool pool(options.threads);
+  const std::shared_ptr<WorkerPool> workers = workers_of(options);
+  WorkerPool& pool = *workers;
   JoinedPieces<D> joined = partial.empty()
                                ? join_pieces(graph, order, options, pool, report)
                                : join_pieces_in_world(graph, partial, order, options, pool, report);

@@ -39,7 +39,7 @@ FactorResidence factor_residence(const JoinOptions& options, const FactorStatist
   const std::int64_t largest = statistics.largest_front;
   const std::int64_t each = statistics.live_update_bytes + largest * largest * 8 + kSmallest;
   const std::int64_t needed =
-      resident_memory() + statistics.scalars * kDoublesPerScalar * 8 + each * options.threads;
+      resident_memory() + statistics.scalars * kDoublesPerScalar * 8 + each * threads_of(options);
   // A twentieth is for what allocators keep.
   const std::int64_t room = options.memory_limit - options.memory_limit / 20 - needed;
   return {.bytes = std::max(room / holders, kSmallest), .directory = options.scratch};

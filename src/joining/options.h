@@ -3,11 +3,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "mapjoin/graph/map.h"
+#include "mapjoin/solvers/worker_pool.h"
 
 namespace mapjoin {
 
@@ -47,7 +49,11 @@ struct JoinOptions {
   Mode mode = Mode::kOptimal;
   TreeShape tree = TreeShape::kGraph;
   Strategy strategy = Strategy::kDivideAndConquer;
-  int threads = 1;          ///< results are the same bits for any number
+  int threads = 1;  ///< results are the same bits for any number
+  /// Threads that live on between calls, for programs that join small maps often: to start and end
+  /// threads takes as long as a join of a hundred poses. Used by one call at a time; in place of
+  /// `threads`. Empty: each call has its own.
+  std::shared_ptr<WorkerPool> workers;
   int leaf_variables = 32;  ///< variables a leaf of the graph tree holds, about
   int arity = 0;            ///< maps joined at once in the graph tree; 0: the mode's own (summary
                             ///< 4, observe and optimal 16)
@@ -66,6 +72,15 @@ struct JoinOptions {
   /// same. remove_checkpoint() when it is no longer needed.
   std::filesystem::path checkpoint;
 };
+
+/// How many threads a call has.
+inline int threads_of(const JoinOptions& options) {
+  return options.workers ? options.workers->threads() : options.threads;
+}
+/// The threads of a call: those of the options, or new ones.
+inline std::shared_ptr<WorkerPool> workers_of(const JoinOptions& options) {
+  return options.workers ? options.workers : std::make_shared<WorkerPool>(options.threads);
+}
 
 /// What a run did.
 struct JoinReport {

@@ -331,7 +331,8 @@ JoinResult<D> join_by_summaries(const MeasurementGraph<D>& graph, std::span<cons
                                 const JoinOptions& options) {
   const auto start = Clock::now();
   const SingleThreadedBlas blas;
-  WorkerPool pool(options.threads);
+  const std::shared_ptr<WorkerPool> workers = workers_of(options);
+  WorkerPool& pool = *workers;
   const JoinTree tree = summary_tree(graph, order, options);
   const auto leaf = [&](int node, SummaryDesk& desk) {
     return local_maps(graph, tree.leaf(node), desk);
@@ -348,7 +349,8 @@ JoinResult<D> join_by_summaries(std::span<const Map<D>> maps, const MeasurementG
                                 const JoinOptions& options) {
   const auto start = Clock::now();
   const SingleThreadedBlas blas;
-  WorkerPool pool(options.threads);
+  const std::shared_ptr<WorkerPool> workers = workers_of(options);
+  WorkerPool& pool = *workers;
   MeasurementGraphBuilder<D>
       builder;  // what the result is judged by: each map as one observation, and the links
   for (const Map<D>& map : maps) builder.add(as_local_map(map));

@@ -144,6 +144,8 @@ TYPED_TEST(JoinGraph, GivesTheSameBitsOnAnyNumberOfThreads) {
       options.threads = threads;
       expect_same_bits(one, join_all(sample.graph, options));
     }
+    options.workers = std::make_shared<WorkerPool>(2);
+    for (int call = 0; call < 3; ++call) expect_same_bits(one, join_all(sample.graph, options));
   }
 }
 
