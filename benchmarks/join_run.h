@@ -21,8 +21,9 @@ struct JoinRun {
   Measured measured;
 };
 
-/// Runs join_all in optimal mode. Without `information` the result is values alone, which is what
-/// the other solvers give.
+/// Runs join_all in optimal mode, with threads that are there before it begins
+/// (JoinOptions::workers). Without `information` the result is values alone, which is what the
+/// other solvers give.
 template <int D>
 JoinRun<D> run_join(const Problem<D>& problem, int threads, bool information);
 

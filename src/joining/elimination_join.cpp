@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 #include "mapjoin/joining/checkpoint.h"
 #include "mapjoin/joining/leaf.h"
@@ -10,6 +11,7 @@
 #include "mapjoin/joining/place.h"
 #include "mapjoin/joining/refine.h"
 #include "mapjoin/joining/report.h"
+#include "mapjoin/joining/tree_cuts.h"
 #include "mapjoin/joining/tree_walk.h"
 
 namespace mapjoin {
@@ -26,108 +28,6 @@ constexpr int kMostHalvings = 10;
 constexpr double kNothing = 1e-14;  // of chi2: what an exact fit leaves
 
 constexpr std::int64_t kSmallestFile = 256;  // variables of a subtree that a checkpoint keeps
-
-/// A cut of the elimination tree: the fronts first .. root are a subtree.
-struct Cut {
-  std::int32_t first = 0;
-  std::int32_t root = 0;
-  std::int32_t parent = -1;            // the cut that joins this one with others
-  std::int64_t variables = 0;          // of the whole subtree
-  std::vector<std::int32_t> children;  // cuts below
-  std::vector<std::vector<std::int64_t>>
-      groups;  // observations of the fronts between, in connected handfuls
-};
-
-/// Chooses the cuts of a front structure.
-class TreeCutter {
- public:
-  TreeCutter(const FrontalStructure& structure, std::int64_t observations, int leaf, int arity)
-      : s_(structure), observations_(observations), leaf_(leaf), arity_(arity) {
-    const std::size_t fronts = s_.fronts.size();
-    variables_.resize(fronts);
-    fronts_below_.assign(fronts, 1);
-    largest_child_.assign(fronts, 0);
-    for (std::size_t f = 0; f < fronts; ++f) {
-      variables_[f] += s_.fronts[f].end_position - s_.fronts[f].first_position;
-      const std::int32_t parent = s_.fronts[f].parent;
-      if (parent < 0) continue;
-      variables_[at(parent)] += variables_[f];
-      fronts_below_[at(parent)] += fronts_below_[f];
-      largest_child_[at(parent)] = std::max(largest_child_[at(parent)], variables_[f]);
-    }
-  }
-
-  std::vector<Cut> cuts() {
-    std::vector<Cut> out;
-    std::vector<std::int32_t> open;  // cuts whose parent is yet to come
-    for (std::int32_t f = 0; f < static_cast<std::int32_t>(s_.fronts.size()); ++f) {
-      if (!is_cut(f)) continue;
-      Cut cut;
-      cut.root = f;
-      cut.variables = variables_[at(f)];
-      cut.first = f + 1 - fronts_below_[at(f)];
-      while (!open.empty() && out[at(open.back())].root >= cut.first) {
-        cut.children.push_back(open.back());
-        out[at(open.back())].parent = static_cast<std::int32_t>(out.size());
-        open.pop_back();
-      }
-      std::reverse(cut.children.begin(), cut.children.end());
-      gather(cut, out);
-      open.push_back(static_cast<std::int32_t>(out.size()));
-      out.push_back(std::move(cut));
-    }
-    return out;
-  }
-
- private:
-  /// A root of a tree, or the first front of its path whose subtree reaches one of the sizes.
-  bool is_cut(std::int32_t f) const {
-    if (s_.fronts[at(f)].parent < 0) return true;
-    for (std::int64_t size = leaf_; size <= variables_[at(f)]; size *= arity_) {
-      if (largest_child_[at(f)] < size) return true;
-    }
-    return false;
-  }
-
-  void add_owned(std::int32_t front, std::vector<std::int64_t>& group) const {
-    for (const std::int64_t k : s_.owned_by(front)) {
-      if (k < observations_) group.push_back(k);
-    }
-  }
-
-  /// Observations of the cut's fronts that no cut below has: small subtrees apart from the path
-  /// they hang on.
-  void gather(Cut& cut, const std::vector<Cut>& cuts) const {
-    std::vector<std::int64_t> path;
-    std::int32_t f = cut.root;
-    std::size_t below = cut.children.size();
-    while (f >= cut.first) {
-      if (below > 0 && cuts[at(cut.children[below - 1])].root == f) {
-        f = cuts[at(cut.children[--below])].first - 1;
-        continue;
-      }
-      if (f != cut.root && variables_[at(f)] < leaf_ && !cut.children.empty()) {
-        std::vector<std::int64_t> group;
-        const std::int32_t first = f + 1 - fronts_below_[at(f)];
-        for (std::int32_t g = first; g <= f; ++g) add_owned(g, group);
-        if (!group.empty()) cut.groups.push_back(std::move(group));
-        f = first - 1;
-        continue;
-      }
-      add_owned(f, path);
-      --f;
-    }
-    if (!path.empty()) cut.groups.push_back(std::move(path));
-    for (auto& group : cut.groups) std::sort(group.begin(), group.end());
-  }
-
-  const FrontalStructure& s_;
-  std::int64_t observations_;
-  std::int64_t leaf_;
-  std::int64_t arity_;
-  std::vector<std::int64_t> variables_, largest_child_;
-  std::vector<std::int32_t> fronts_below_;
-};
 
 template <int D>
 Piece<D> everything(const MeasurementGraph<D>& graph) {
@@ -149,9 +49,7 @@ class EliminationWalk {
     system_ = std::make_unique<ObservationSystem<D>>(graph, everything(graph),
                                                      std::span<const std::int32_t>(), places);
     const auto observations = static_cast<std::int64_t>(graph.size());
-    cuts_ =
-        TreeCutter(system_->structure(), observations, options.leaf_variables, arity_of(options))
-            .cuts();
+    cuts_ = cut_tree(system_->structure(), observations, options.leaf_variables, arity_of(options));
     results_.resize(cuts_.size());
     const FactorResidence residence =
         factor_residence(options, system_->statistics(), pool.threads());
@@ -159,13 +57,23 @@ class EliminationWalk {
       desks_.push_back(std::make_unique<Desk>(graph.variables.size(), residence));
     report_.joins = static_cast<int>(cuts_.size());
     done_.assign(cuts_.size(), 0);
+    plan_ = plan_cuts(system_->structure(), cuts_);
+    for (const int leaves : plan_.leaves) leaves_.emplace_back(at(leaves));
     if (!options.checkpoint.empty()) resume();
   }
 
   JoinedPieces<D> run() {
-    walk_forest(tasks(), pool_, options_.progress, [&](int cut, int thread, LoopRunner loop) {
-      do_cut(cut, *desks_[at(thread)], loop);
-    });
+    walk_forest(plan_.forest, pool_, options_.progress,
+                [&](int number, int thread, LoopRunner loop) {
+                  const CutTask& task = plan_.tasks[at(number)];
+                  Desk& desk = *desks_[at(thread)];
+                  if (done_[at(task.cut)] != 0) return;
+                  if (task.leaf >= 0) {
+                    leaves_[at(task.cut)][at(task.leaf)] = lay_out(task, desk);
+                  } else {
+                    do_cut(task, desk, loop);
+                  }
+                });
     for (const auto& desk : desks_) report_.redone_joins += desk->redone;
     JoinedPieces<D> out;
     for (std::size_t c = 0; c < cuts_.size(); ++c) {  // roots only: the others' were taken
@@ -177,8 +85,10 @@ class EliminationWalk {
     for (Piece<D>& piece : out.pieces) {
       if (out.pieces.size() == 1 && piece.size() == graph_.variables.size()) {
         std::sort(piece.observations.begin(), piece.observations.end());
-        for (int s = 0; s < report_.root_solves; ++s)
-          out.promised = linear_step(graph_, piece, *system_, cholesky, pool_).predicted_decrease;
+        for (int s = 0; s < report_.root_solves; ++s) {
+          const auto step = linear_step(graph_, piece, *system_, cholesky, pool_);
+          out.last_solve = {step.chi2, step.predicted_decrease};
+        }
         out.system = std::move(system_);
         continue;
       }
@@ -202,23 +112,14 @@ class EliminationWalk {
 
   std::span<const std::int32_t> rank() const { return system_->structure().position; }
 
-  /// The cuts as work for walk_forest. What a join costs is what its fronts cost, all of them:
-  /// those of the cuts below are computed again.
-  std::vector<FrontTask> tasks() const {
-    const FrontalStructure& structure = system_->structure();
-    std::vector<double> cost_before{0.0};  // per front (+ 1)
-    for (const Front& front : structure.fronts)
-      cost_before.push_back(cost_before.back() +
-                            FrontCostModel()(front.pivot_dim, front.update_dim));
-    std::vector<FrontTask> out(cuts_.size());
-    for (std::size_t c = cuts_.size(); c-- > 0;) {  // parents first
-      const Cut& cut = cuts_[c];
-      out[c].parent = cut.parent;
-      out[c].waits_for = static_cast<std::int32_t>(cut.children.size());
-      out[c].path_cost = cost_before[at(cut.root) + 1] - cost_before[at(cut.first)];
-      if (cut.parent >= 0) out[c].path_cost += out[at(cut.parent)].path_cost;
+  /// The local maps of a task's groups.
+  std::vector<Piece<D>> lay_out(const CutTask& task, Desk& desk) const {
+    std::vector<Piece<D>> pieces;
+    for (std::size_t g = task.first; g < task.end; ++g) {
+      for (Piece<D>& piece : leaf_pieces(graph_, cuts_[at(task.cut)].groups[g], desk.places))
+        pieces.push_back(std::move(piece));
     }
-    return out;
+    return pieces;
   }
 
   /// One solve of a join, and with safeguards as many as it takes until the linear model keeps what
@@ -249,18 +150,16 @@ class EliminationWalk {
     return true;
   }
 
-  void do_cut(int number, Desk& desk, LoopRunner loop) {
-    if (done_[at(number)] != 0) return;
+  void do_cut(const CutTask& task, Desk& desk, LoopRunner loop) {
+    const int number = task.cut;
     const Cut& cut = cuts_[at(number)];
     std::vector<Piece<D>> pieces;
-    for (const std::int32_t child : cut.children) {
-      for (Piece<D>& piece : results_[at(child)]) pieces.push_back(std::move(piece));
-      results_[at(child)] = {};
-    }
-    for (const auto& group : cut.groups) {
-      for (Piece<D>& piece : leaf_pieces(graph_, group, desk.places))
-        pieces.push_back(std::move(piece));
-    }
+    const auto take = [&](std::vector<Piece<D>> from) {
+      for (Piece<D>& piece : from) pieces.push_back(std::move(piece));
+    };
+    for (const std::int32_t child : cut.children) take(std::exchange(results_[at(child)], {}));
+    for (auto& leaf : std::exchange(leaves_[at(number)], {})) take(std::move(leaf));
+    take(lay_out(task, desk));
     pieces = place(graph_.variables, std::move(pieces), desk.places);
     if (system_->structure().fronts[at(cut.root)].parent >= 0) {
       const bool whole = pieces.size() == 1;
@@ -311,6 +210,8 @@ class EliminationWalk {
   JoinReport& report_;
   std::unique_ptr<ObservationSystem<D>> system_;
   std::vector<Cut> cuts_;
+  CutPlan plan_;
+  std::vector<std::vector<std::vector<Piece<D>>>> leaves_;  // per cut: per leaf task
   std::vector<std::vector<Piece<D>>> results_;
   std::vector<std::unique_ptr<Desk>> desks_;
   std::vector<char> done_;  // by a former run, or below what was

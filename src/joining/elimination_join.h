@@ -5,6 +5,7 @@
 
 #include "mapjoin/graph/piece.h"
 #include "mapjoin/joining/options.h"
+#include "mapjoin/joining/refine.h"
 #include "mapjoin/solvers/observation_system.h"
 
 namespace mapjoin {
@@ -15,7 +16,7 @@ struct JoinedPieces {
   std::vector<Piece<D>> pieces;
   std::unique_ptr<ObservationSystem<D>> system;  ///< where there is one piece only: ready for more
   std::unique_ptr<FrontalCholesky> cholesky;     ///< its memory; may be null
-  double promised = -1.0;  ///< decrease of chi2 that the last solve of a single piece promised
+  LastSolve last_solve;                          ///< of a single piece
 };
 
 /// The observing join along the elimination tree: the same fronts serve the join tree and every

@@ -134,11 +134,11 @@ template <int D>
 RefineResult refine_uncoiled(const MeasurementGraph<D>& graph, Piece<D>& piece,
                              ObservationSystem<D>& system, FrontalCholesky& cholesky,
                              WorkerPool& pool, Places& places, const JoinOptions& options,
-                             double promised, JoinReport& report) {
+                             const LastSolve& last_solve, JoinReport& report) {
   constexpr int kRounds = 8;
-  const auto refine_from = [&](double promised_before) {
+  const auto refine_from = [&](const LastSolve& last) {
     return refine(graph, piece, system, cholesky, pool, options.max_refine_solves, kRefineTolerance,
-                  options.progress, promised_before);
+                  options.progress, last);
   };
   std::size_t laid = 0;
   std::vector<int> coiled = coiled_poses(graph, piece, places);
@@ -147,14 +147,14 @@ RefineResult refine_uncoiled(const MeasurementGraph<D>& graph, Piece<D>& piece,
     lay_anew(graph, piece, places, coiled);
     laid += coiled.size();
   }
-  RefineResult result = refine_from(coiled.empty() ? promised : -1.0);
+  RefineResult result = refine_from(coiled.empty() ? last_solve : LastSolve());
   if (!coiled.empty()) result.chi2_before = linear;
   for (int round = 0; round < kRounds; ++round) {
     coiled = coiled_poses(graph, piece, places);
     if (coiled.empty()) break;
     const std::vector<std::vector<double>> before = piece.data;
     lay_anew(graph, piece, places, coiled);
-    RefineResult again = refine_from(-1.0);
+    RefineResult again = refine_from({});
     result.solves += again.solves;
     result.shortened += again.shortened;
     if (again.chi2 >= result.chi2) {
@@ -212,7 +212,7 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
       const auto refine_start = Clock::now();
       if (joined.cholesky == nullptr) joined.cholesky = cholesky_for(system, options);
       const RefineResult refined = refine_uncoiled(graph, piece, system, *joined.cholesky, pool,
-                                                   places, options, joined.promised, report);
+                                                   places, options, joined.last_solve, report);
       report.chi2_linear += refined.chi2_before;
       report.chi2 += refined.chi2;
       report.refine_solves = std::max(report.refine_solves, refined.solves);

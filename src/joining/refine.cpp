@@ -31,10 +31,13 @@ typename ObservationSystem<D>::Step solve(const MeasurementGraph<D>& graph, cons
   return step;
 }
 
+/// Of chi2: a step that promises no more hardly turns anything, and its matrix serves once more.
+constexpr double kSmallStep = 0.01;
+
 /// What a whole step leaves above the minimum; see refine.
-double remainder(double decrease, double promised, double promised_before) {
-  if (promised >= promised_before) return std::numeric_limits<double>::infinity();
-  const double rate = promised / promised_before;  // m^2
+double remainder(double decrease, double promised, double promised_before, bool chord) {
+  const double rate = (chord ? 4.0 : 1.0) * promised / promised_before;  // m^2
+  if (promised_before <= 0.0 || rate >= 1.0) return std::numeric_limits<double>::infinity();
   return std::max(std::abs(decrease - promised), promised * rate) / (1.0 - std::sqrt(rate));
 }
 
@@ -64,18 +67,25 @@ void linear_step_if_determined(const MeasurementGraph<D>& graph, Piece<D>& piece
 template <int D>
 RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, ObservationSystem<D>& system,
                     FrontalCholesky& cholesky, WorkerPool& pool, int most_solves, double tolerance,
-                    const ProgressCallback& progress, double promised_before) {
+                    const ProgressCallback& progress, const LastSolve& last_solve) {
   constexpr int kHalvings = 30;
   constexpr double kRounding = 1e-14;  // of chi2: an exact fit ends at rounding errors
   constexpr double kNothing = 0.01;    // of the tolerance: so small a promise needs no second look
+  constexpr double kChordMiss = 0.1;   // of its promise: a chord step that misses more is the last
   RefineResult result;
   Eigen::VectorXd d;
   std::vector<std::vector<double>> before;
+  double promised_before = last_solve.promised;
+  const auto factor_serves_again = [&](double chi2) {
+    return promised_before >= 0.0 && promised_before <= kSmallStep * chi2;
+  };
+  bool chord = factor_serves_again(last_solve.chi2 - last_solve.promised);
   while (result.solves < most_solves) {
     if (progress && !progress({"refine", static_cast<double>(result.solves) / most_solves})) {
       throw CancelledError("cancelled while refining");
     }
-    const auto step = solve(graph, piece, system, cholesky, pool, d);
+    const auto step = chord ? system.solve_again(piece, cholesky, pool, d)
+                            : solve(graph, piece, system, cholesky, pool, d);
     if (result.solves++ == 0) result.chi2_before = step.chi2;
     const double promised = step.predicted_decrease;
     const double enough = std::max(tolerance * step.chi2, kRounding);
@@ -89,6 +99,7 @@ RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, Observati
       if (result.chi2 <= step.chi2) break;
       piece.data = before;
       result.chi2 = step.chi2;
+      if (chord) break;  // a whole solve knows better than half a step
       // At the rounding level of chi2 nothing is left to gain.
       if (halving == kHalvings || last) break;
       length *= 0.5;
@@ -97,12 +108,17 @@ RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, Observati
     }
     const bool whole = length == 1.0;
     if (last ||
-        (whole && remainder(step.chi2 - result.chi2, promised, promised_before) <= enough)) {
+        (whole && remainder(step.chi2 - result.chi2, promised, promised_before, chord) <= enough)) {
       result.minimum = true;
       break;
     }
     if (length < 1e-8) break;
+    if (chord && std::abs(step.chi2 - result.chi2 - promised) > kChordMiss * promised) {
+      chord = false;
+      continue;  // what is known of the rate stays what the last whole solve said
+    }
     promised_before = whole ? promised : -1.0;
+    chord = chord || factor_serves_again(result.chi2);
   }
   return result;
 }
@@ -110,7 +126,7 @@ RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, Observati
 #define MAPJOIN_INSTANTIATE(D)                                                                  \
   template RefineResult refine<D>(const MeasurementGraph<D>&, Piece<D>&, ObservationSystem<D>&, \
                                   FrontalCholesky&, WorkerPool&, int, double,                   \
-                                  const ProgressCallback&, double);                             \
+                                  const ProgressCallback&, const LastSolve&);                   \
   template ObservationSystem<D>::Step linear_step<D>(const MeasurementGraph<D>&, Piece<D>&,     \
                                                      ObservationSystem<D>&, FrontalCholesky&,   \
                                                      WorkerPool&);                              \

@@ -87,9 +87,15 @@ struct LoopRunner {
 /// meaningless.
 int eliminate_pivots(const FrontView& front, const double* smallest, LoopRunner loop = {});
 
-/// Backward substitution in one front. `x` holds, by row: anything at the pivots, the update
-/// variables' solution, -1 for the right-hand side row, zeros up to a whole row group (row_end).
-/// The pivots' solution takes the place of the former.
+/// Forward substitution in one front: y = L11^-1 b in place of the pivots of `b`, b - L21 y below,
+/// in rows up to a whole row group (row_end).
+void solve_pivots_forward(const double* panel, std::int64_t stride, int pivots, int row_end,
+                          double* b);
+
+/// Backward substitution in one front. `x` holds, by row: y at the pivots, the update variables'
+/// solution, 0 for the right-hand side row, zeros up to a whole row group (row_end). Or, where the
+/// panel's own right-hand side row is y: zeros at the pivots, and -1 for that row. The pivots'
+/// solution takes the place of the former.
 void solve_pivots_backward(const double* panel, std::int64_t stride, int pivots, int row_end,
                            double* x);
 

@@ -48,6 +48,7 @@ void FrontalCholesky::require_memory(const FrontalStructure& structure, std::int
                      static_cast<std::int64_t>(sizeof(double)));
   scratch_.require(2 * scratch_rows(structure) * threads);
   squared_y_.resize(structure.fronts.size());
+  other_y_.clear();
   first_failure_ = kNoFailure;
 }
 
@@ -82,26 +83,40 @@ FactorStatus FrontalCholesky::factorize_subtree(const FrontalStructure& structur
   return status();
 }
 
+/// Calls work(thread, task, loop) for all tasks, children before parents.
+template <class Work>
+void FrontalCholesky::for_each_task(WorkerPool& pool, Work&& work) {
+  const std::vector<FrontTask>& tasks = structure_->tasks;
+  if (pool.threads() == 1) {
+    for (const FrontTask& task : tasks) work(0, task, LoopRunner());
+    return;
+  }
+  scheduler_.reset(tasks, pool.threads());
+  pool.run([&](int thread) {
+    scheduler_.work(thread, [&](int task, LoopRunner loop) {
+      work(thread, tasks[static_cast<std::size_t>(task)], loop);
+    });
+  });
+}
+
+void FrontalCholesky::eliminate(RhsAssembler assemble, WorkerPool& pool) {
+  const std::int64_t rows = scratch_rows(*structure_);
+  scratch_.require(3 * rows * pool.threads());
+  other_y_.resize(static_cast<std::size_t>(structure_->scalar_at.back()));
+  for_each_task(pool, [&](int thread, const FrontTask& task, LoopRunner) {
+    forward_substitute_fronts(task.begin, task.end, assemble, scratch_.data() + 3 * rows * thread);
+  });
+}
+
 FactorStatus FrontalCholesky::factorize(const FrontalStructure& structure, Assembler assemble,
                                         WorkerPool& pool) {
   require_memory(structure, 0,
                  structure.statistics.factor_bytes / static_cast<std::int64_t>(sizeof(double)),
                  pool.threads());
   const std::int64_t rows = scratch_rows(structure);
-
-  const auto factor_task = [&](int thread, int task, LoopRunner loop) {
-    factor_fronts(structure.tasks[task].begin, structure.tasks[task].end, assemble,
-                  scratch_.data() + 2 * rows * thread, loop);
-  };
-  const int tasks = static_cast<int>(structure.tasks.size());
-  if (pool.threads() == 1) {
-    for (int t = 0; t < tasks; ++t) factor_task(0, t, {});
-  } else {
-    scheduler_.reset(structure.tasks, pool.threads());
-    pool.run([&](int thread) {
-      scheduler_.work(thread, [&](int task, LoopRunner loop) { factor_task(thread, task, loop); });
-    });
-  }
+  for_each_task(pool, [&](int thread, const FrontTask& task, LoopRunner loop) {
+    factor_fronts(task.begin, task.end, assemble, scratch_.data() + 2 * rows * thread, loop);
+  });
   return status();
 }
 

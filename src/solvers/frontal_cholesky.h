@@ -62,7 +62,7 @@ struct FrontConditional {
   Panel l11;  ///< p x p; its lower triangle only, what is above is undefined
   Panel l21;  ///< q x p
   Eigen::Map<const Eigen::RowVectorXd, 0, Eigen::InnerStride<>>
-      y;  ///< right-hand side after elimination
+      y;  ///< right-hand side after elimination, of the b that came with H
 };
 
 class FrontalCholesky {
@@ -88,6 +88,21 @@ class FrontalCholesky {
   FactorStatus factorize(const FrontalStructure& structure, Assemble&& assemble) {
     WorkerPool caller_only;
     return factorize(structure, assemble, caller_only);
+  }
+
+  /// Eliminates another b with the factor there is, instead of the one that came with H: what
+  /// follows (solve, squared_norm_of_y) is about it. Reads the factor once.
+  ///
+  /// assemble(front, rhs, room) adds the share of structure().owned_by(front) to `rhs`, one entry
+  /// for each row of the front, zero at first; `room` is for its own use, twice as long, zero too.
+  /// Else as in factorize.
+  template <class Assemble>
+  void eliminate(Assemble&& assemble, WorkerPool& pool) {
+    using Type = std::remove_reference_t<Assemble>;
+    const auto call = [](const void* object, std::int32_t front, double* rhs, double* room) {
+      (*static_cast<Type*>(const_cast<void*>(object)))(front, rhs, room);
+    };
+    eliminate(RhsAssembler{.call = call, .object = std::addressof(assemble)}, pool);
   }
 
   /// x = H^-1 b for the assembled b, in the order of the variables: back substitution only.
@@ -139,7 +154,15 @@ class FrontalCholesky {
     const void* object;
   };
 
+  struct RhsAssembler {
+    void (*call)(const void* object, std::int32_t front, double* rhs, double* room);
+    const void* object;
+  };
+
   FactorStatus factorize(const FrontalStructure& structure, Assembler assemble, WorkerPool& pool);
+  void eliminate(RhsAssembler assemble, WorkerPool& pool);
+  template <class Work>
+  void for_each_task(WorkerPool& pool, Work&& work);
   FactorStatus factorize_subtree(const FrontalStructure& structure, std::int32_t first,
                                  std::int32_t root, Assembler assemble, LoopRunner loop);
   FactorStatus status() const;
@@ -151,6 +174,9 @@ class FrontalCholesky {
   void give_back_updates(std::int32_t front);
   void substitute_fronts(std::int32_t begin, std::int32_t end, double* x, double* local) const;
   void factor_front(std::int32_t front, Assembler assemble, double* scratch, LoopRunner loop);
+  void forward_substitute_fronts(std::int32_t begin, std::int32_t end, RhsAssembler assemble,
+                                 double* local);
+  void forward_substitute(std::int32_t front, RhsAssembler assemble, double* local);
   void back_substitute(std::int32_t front, double* x, double* local) const;
 
   FactorOptions options_;
@@ -158,6 +184,7 @@ class FrontalCholesky {
   FactorMemory factor_;
   std::int64_t first_panel_ = 0;   ///< offset in the structure of what lies first in factor_
   std::vector<double> squared_y_;  ///< per front
+  std::vector<double> other_y_;    ///< of `eliminate`, in the order of elimination; else empty
   AlignedBuffer workspace_;
   AlignedBuffer scratch_;
   AlignedBuffer closing_;  ///< the dense system of close_subtree

@@ -7,8 +7,11 @@
 #include <cmath>
 #include <vector>
 
+#include "mapjoin/solvers/extend_add.h"
 #include "mapjoin/solvers/front_layout.h"
 #include "mapjoin/solvers/frontal_cholesky.h"
+#include "mapjoin/solvers/patience.h"
+#include "mapjoin/solvers/tree_scheduler.h"
 
 namespace mapjoin {
 namespace {
@@ -17,6 +20,42 @@ using Index = std::int32_t;
 
 }  // namespace
 
+/// What the children leave of b comes the way the diagonal of H came when the factor was made: in
+/// the last column of their update matrices.
+void FrontalCholesky::forward_substitute(Index f, RhsAssembler assemble, double* local) {
+  const Front& front = structure_->fronts[f];
+  const Index rows = front.rows();
+  const int row_end = (rows + kRowGroup - 1) / kRowGroup * kRowGroup;
+  std::fill_n(local, row_end + 2 * rows, 0.0);
+  assemble.call(assemble.object, f, local, local + row_end);
+  for (const Index child : structure_->children_of(f)) {
+    extend_add_diagonal(local, UpdateMatrix(structure_->fronts[child], workspace_.data()),
+                        structure_->runs_of(child));
+  }
+  solve_pivots_forward(panel(front), front.panel_stride, front.pivot_dim, row_end, local);
+  double sum = 0.0;
+  for (int j = 0; j < front.pivot_dim; ++j) sum += local[j] * local[j];
+  std::copy_n(local, front.pivot_dim, other_y_.data() + front.first_scalar);
+  squared_y_[static_cast<std::size_t>(f)] = sum;
+  std::copy(local + front.pivot_dim, local + rows,
+            UpdateMatrix(front, workspace_.data()).diagonal());
+}
+
+/// From the first to the last; where the factor is on disk, what has been read leaves memory again.
+void FrontalCholesky::forward_substitute_fronts(Index begin, Index end, RhsAssembler assemble,
+                                                double* local) {
+  if (begin >= end) return;
+  std::int64_t used = structure_->fronts[begin].panel - first_panel_;
+  for (Index f = begin; f < end; ++f) {
+    forward_substitute(f, assemble, local);
+    if (options_.residence.bytes >= 0) give_back_updates(f);
+    const std::int64_t done = end_of_panel(structure_->fronts[f]) - first_panel_;
+    if (!factor_.on_disk() || (done - used < kPanelPortion && f + 1 < end)) continue;
+    factor_.leave(used, done);
+    used = done;
+  }
+}
+
 void FrontalCholesky::back_substitute(Index f, double* x, double* local) const {
   const Front& front = structure_->fronts[f];
   const auto& scalar_at = structure_->scalar_at;
@@ -24,7 +63,13 @@ void FrontalCholesky::back_substitute(Index f, double* x, double* local) const {
   for (const Index position : structure_->updates_of(f)) {
     for (Index i = scalar_at[position]; i < scalar_at[position + 1]; ++i) *to++ = x[i];
   }
-  *to++ = -1;
+  if (other_y_.empty()) {
+    std::fill_n(local, front.pivot_dim, 0.0);
+    *to++ = -1;
+  } else {
+    std::copy_n(other_y_.data() + front.first_scalar, front.pivot_dim, local);
+    *to++ = 0;
+  }
   const int row_end = (front.rows() + kRowGroup) / kRowGroup * kRowGroup;
   std::fill(to, local + row_end, 0.0);
   solve_pivots_backward(panel(front), front.panel_stride, front.pivot_dim, row_end, local);
@@ -47,19 +92,26 @@ void FrontalCholesky::substitute_fronts(Index begin, Index end, double* x, doubl
 void FrontalCholesky::solve(Eigen::Ref<Eigen::VectorXd> x, WorkerPool& pool) const {
   const FrontalStructure& s = *structure_;
   std::vector<double> by_position(static_cast<std::size_t>(s.scalar_at.back()));
-  const auto tasks = static_cast<int>(s.tasks.size());
-  // Tasks are taken from the last to the first. A task waits for its parent, which was taken before
-  // it: so nobody waits forever.
-  std::atomic<int> untaken = tasks;
-  std::vector<std::atomic<bool>> done(s.tasks.size());
-  pool.run([&](int) {
+  // Tasks are taken from the last to the first, each thread's own before those of others. A task
+  // waits for its parent; of the tasks that are not done the last one waits for nobody, and its
+  // owner or whoever took it comes to it next: so nobody waits forever.
+  std::vector<Index> owner;
+  share_tasks(s.tasks, pool.threads(), owner);
+  std::vector<std::atomic<bool>> taken(s.tasks.size()), done(s.tasks.size());
+  pool.run([&](int thread) {
     std::vector<double> local(static_cast<std::size_t>(s.statistics.largest_front + 2 * kRowGroup));
-    for (int t = --untaken; t >= 0; t = --untaken) {
-      const FrontTask& task = s.tasks[t];
-      while (task.parent >= 0 && !done[task.parent].load(std::memory_order_acquire))
-        std::this_thread::yield();
-      substitute_fronts(task.begin, task.end, by_position.data(), local.data());
-      done[t].store(true, std::memory_order_release);
+    for (const bool own : {true, false}) {
+      for (std::size_t t = s.tasks.size(); t-- > 0;) {
+        if ((owner[t] == thread) != own || taken[t].exchange(true, std::memory_order_relaxed))
+          continue;
+        const FrontTask& task = s.tasks[t];
+        for (Patience patience;
+             task.parent >= 0 &&
+             !done[static_cast<std::size_t>(task.parent)].load(std::memory_order_acquire);)
+          patience.wait();
+        substitute_fronts(task.begin, task.end, by_position.data(), local.data());
+        done[t].store(true, std::memory_order_release);
+      }
     }
   });
   for (std::size_t k = 0; k < s.order.size(); ++k) {

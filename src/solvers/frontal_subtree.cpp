@@ -14,31 +14,6 @@ constexpr double kSmallestHeldPivot = 1e-13;
 
 }  // namespace
 
-// Four columns at a time: L is read once, x from registers.
-void solve_pivots_backward(const double* panel, std::int64_t stride, int pivots, int row_end,
-                           double* x) {
-  constexpr int kColumns = 4;
-  for (int c = (pivots - 1) / kColumns * kColumns; c >= 0; c -= kColumns) {
-    const int width = std::min(kColumns, pivots - c);
-    const int below = std::min(c + kRowGroup, row_end) / kRowGroup * kRowGroup;
-    double sum[kColumns] = {};
-    for (int n = 0; n < width; ++n) {
-      const double* const column = panel + (c + n) * stride;
-      double part[kRowGroup] = {};
-      for (int i = below; i < row_end; i += kRowGroup) {
-        for (int l = 0; l < kRowGroup; ++l) part[l] += column[i + l] * x[i + l];
-      }
-      for (int i = c + width; i < below; ++i) sum[n] += column[i] * x[i];
-      for (int l = 0; l < kRowGroup; ++l) sum[n] += part[l];
-    }
-    for (int n = width - 1; n >= 0; --n) {
-      const double* const column = panel + (c + n) * stride;
-      for (int i = n + 1; i < width; ++i) sum[n] += column[c + i] * x[c + i];
-      x[c + n] = -sum[n] / column[c + n];
-    }
-  }
-}
-
 Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>> FrontalCholesky::update_matrix(
     Index root) const {
   const Front& front = structure_->fronts[root];
@@ -77,6 +52,7 @@ bool FrontalCholesky::close_subtree(Index first, Index root, std::span<const Ind
     if (eliminate_pivots(view, smallest) >= 0) return false;
     for (Index j = 0; j < q; ++j) decrease += view.rhs(j) * view.rhs(j);
     double* const x = smallest + row_end;
+    std::fill_n(x, q, 0.0);
     x[q] = -1;
     std::fill(x + q + 1, x + row_end, 0.0);
     solve_pivots_backward(view.panel(), front.panel_stride, q, row_end, x);

@@ -235,9 +235,8 @@ double ObservationSystem<D>::assemble_submaps(std::int32_t front, const DenseTar
 }
 
 template <int D>
-void ObservationSystem<D>::assemble(std::int32_t front, const FrontView& view,
+void ObservationSystem<D>::assemble(std::int32_t front, const DenseTarget& target,
                                     const Piece<D>& piece) {
-  const DenseTarget target = target_of(view);
   const std::size_t f = at(front);
   double chi2 = 0.0;
   for (const Relative& group : relative_) {
@@ -248,6 +247,15 @@ void ObservationSystem<D>::assemble(std::int32_t front, const FrontView& view,
   if (submap_front_[f] != submap_front_[f + 1])
     chi2 += assemble_submaps(front, target, piece, nullptr);
   front_chi2_[f] = chi2;
+}
+
+/// The right-hand side alone. The columns of the matrix are folded onto one another in `room`,
+/// where nobody looks at them: each begins one further on, so that `rhs` is its last row.
+template <int D>
+void ObservationSystem<D>::assemble_rhs(std::int32_t front, double* rhs, double* room,
+                                        const Piece<D>& piece) {
+  const std::int64_t rows = structure_.fronts[at(front)].rows();
+  assemble(front, {room, 1, rows, nullptr, 0, rhs - room}, piece);
 }
 
 /// Rows of the root's update matrix that hold the gauge of a subtree: a pose it shares with the
@@ -385,13 +393,28 @@ auto ObservationSystem<D>::solve(const Piece<D>& piece, FrontalCholesky& cholesk
   Step step;
   if (!std::exchange(weighed_, true)) weigh_held(piece);
   const auto assembler = [&](std::int32_t front, const FrontView& view) {
-    assemble(front, view, piece);
+    assemble(front, target_of(view), piece);
   };
   const FactorStatus status = cholesky.factorize(structure_, assembler, pool);
   if (!status.ok()) {
     step.failed = piece.variables[at(status.failed_variable)];
     return step;
   }
+  for (const double c : front_chi2_) step.chi2 += c;
+  increment.resize(structure_.statistics.scalars);
+  cholesky.solve(increment, pool);
+  step.predicted_decrease = cholesky.squared_norm_of_y();
+  return step;
+}
+
+template <int D>
+auto ObservationSystem<D>::solve_again(const Piece<D>& piece, FrontalCholesky& cholesky,
+                                       WorkerPool& pool, Eigen::VectorXd& increment) -> Step {
+  const auto assembler = [&](std::int32_t front, double* rhs, double* room) {
+    assemble_rhs(front, rhs, room, piece);
+  };
+  cholesky.eliminate(assembler, pool);
+  Step step;
   for (const double c : front_chi2_) step.chi2 += c;
   increment.resize(structure_.statistics.scalars);
   cholesky.solve(increment, pool);

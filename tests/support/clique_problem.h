@@ -76,6 +76,20 @@ class CliqueProblem {
     };
   }
 
+  // The right-hand side alone, for FrontalCholesky::eliminate.
+  auto rhs_assembler(const FrontalStructure& structure) const {
+    return [this, &structure](std::int32_t front, double* rhs, double* /*room*/) {
+      for (const std::int64_t k : structure.owned_by(front)) {
+        const auto at = structure.clique_rows(k);
+        const auto clique = cliques()[k];
+        Eigen::Index row = 0;
+        for (std::size_t i = 0; i < clique.size(); ++i) {
+          for (int c = 0; c < dims_[clique[i]]; ++c) rhs[at[i] + c] += vector_[k][row++];
+        }
+      }
+    };
+  }
+
   Eigen::MatrixXd dense() const {
     Eigen::MatrixXd h = Eigen::MatrixXd::Zero(scalars(), scalars());
     for (std::int64_t k = 0; k < cliques().size(); ++k) {

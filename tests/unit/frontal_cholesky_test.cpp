@@ -128,6 +128,35 @@ TEST(FrontalCholesky, FactorizesAgainWithTheSameStructure) {
   EXPECT_EQ(x, first);
 }
 
+// Two systems of one pattern: the matrix of the first, then the right-hand side of the second.
+TEST(FrontalCholesky, EliminatesAnotherRightHandSideWithTheFactorThereIs) {
+  for (unsigned seed = 1; seed <= 12; ++seed) {
+    SCOPED_TRACE(seed);
+    const int size = 3 + static_cast<int>(seed);
+    const int dim = 1 + static_cast<int>(seed % 9);
+    const Problem problem = grid_problem(size, 2 * size, dim, seed);
+    const Problem other = grid_problem(size, 2 * size, dim, seed + 100);
+    const FrontalStructure structure = analyze(problem);
+    const VectorXd b = other.dense_rhs();
+    const VectorXd expected = problem.dense().llt().solve(b);
+    VectorXd first;
+    for (const int threads : {1, 2, 3}) {
+      WorkerPool pool(threads);
+      FrontalCholesky cholesky;
+      ASSERT_TRUE(cholesky.factorize(structure, problem.assembler(structure), pool).ok());
+      VectorXd x(problem.scalars());
+      for (int repeat = 0; repeat < 2; ++repeat) {  // nothing is used up
+        cholesky.eliminate(other.rhs_assembler(structure), pool);
+        cholesky.solve(x, pool);
+        EXPECT_LT((x - expected).norm(), 1e-9 * expected.norm());
+        EXPECT_NEAR(cholesky.squared_norm_of_y(), b.dot(expected), 1e-9 * b.dot(expected));
+        if (first.size() == 0) first = x;
+        EXPECT_EQ(x, first);
+      }
+    }
+  }
+}
+
 TEST(FrontalCholesky, SolvesForSeveralRightHandSides) {
   const Problem problem = random_problem(70, 150, 11);
   const FrontalStructure structure = analyze(problem);

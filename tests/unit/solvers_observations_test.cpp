@@ -101,6 +101,36 @@ TYPED_TEST(Observations, AreSolvedAsDenseAlgebraSolvesThem) {
   }
 }
 
+TYPED_TEST(Observations, AreSolvedAgainWithTheOldMatrixAndTheNewGradient) {
+  constexpr int D = TypeParam::value;
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    SCOPED_TRACE(seed);
+    Dice dice(seed);
+    const auto sample = mixed_graph<D>(dice);
+    const Values<D> x = noisy(dice, sample.truth, 0.1);
+    const Values<D> moved = noisy(dice, x, 0.05);
+    const Piece<D> before = whole_piece(sample.graph, x);
+    const Piece<D> now = whole_piece(sample.graph, moved);
+    Places places(sample.graph.variables.size());
+    const Eigen::MatrixXd H = CeresReference<D>(sample.graph).normal_equations(x).H;
+    const auto normal = CeresReference<D>(sample.graph).normal_equations(moved);
+    ObservationSystem<D> system(sample.graph, before, {}, places);
+    for (const int threads : {1, 2}) {
+      FrontalCholesky cholesky;
+      WorkerPool pool(threads);
+      Eigen::VectorXd d;
+      ASSERT_TRUE(system.solve(before, cholesky, pool, d).ok());
+      const auto step = system.solve_again(now, cholesky, pool, d);
+      EXPECT_NEAR(step.chi2, normal.chi2, 1e-9 * normal.chi2);
+      EXPECT_NEAR(step.predicted_decrease, normal.b.dot(d), 1e-8 * normal.b.dot(d));
+      // But for what holds the gauge, the scalars of one pose: the new gradient is not quite blind
+      // to the old matrix's free motions.
+      const Eigen::VectorXd rest = H * d - normal.b;
+      EXPECT_LE((rest.array().abs() > 1e-8 * normal.b.norm()).count(), kGauge<D>);
+    }
+  }
+}
+
 TYPED_TEST(Observations, GiveTheSameBitsOnAnyNumberOfThreads) {
   constexpr int D = TypeParam::value;
   Dice dice(4);
