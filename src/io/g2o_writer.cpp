@@ -101,7 +101,8 @@ class GraphWriter {
         write_prior(edges, k);
         continue;
       }
-      append("{} {} {}", tag(poses, false), id(edges.from[k]), id(edges.to[k]));
+      ((out_ += tag(poses, false)) += ' ') += id(edges.from[k]);
+      (out_ += ' ') += id(edges.to[k]);
       if (D == 3 && !poses) out_ += " 0";
       append_value(poses, edges.z.data() + k * static_cast<std::size_t>(edges.kind->value_size));
       append_information(poses, dim, edges.info.data() + k * static_cast<std::size_t>(dim * dim));
@@ -148,7 +149,7 @@ class GraphWriter {
     if (pose) {
       detail::append_pose<D>(out_, *reinterpret_cast<const Rigid<D>*>(x));
     } else {
-      for (int k = 0; k < D; ++k) append(" {}", x[k]);
+      for (int k = 0; k < D; ++k) detail::append_number(out_, x[k]);
     }
   }
 
@@ -158,7 +159,7 @@ class GraphWriter {
         double factor = 1.0;
         if (D == 3 && pose && options_.quaternion_information)
           factor = (i < 3 ? 1.0 : 2.0) * (j < 3 ? 1.0 : 2.0);
-        append(" {}", factor * information[i + j * dim]);
+        detail::append_number(out_, factor * information[i + j * dim]);
       }
     }
   }
