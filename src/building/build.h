@@ -10,8 +10,8 @@
 /// \file
 /// Local maps from raw measurements: where maps come from (Linear SLAM sections 3 and 5.3, SLSJF
 /// section II). This is the nonlinear part of SLAM by submap joining, and it stays small: each
-/// local map is a least squares problem of its own, started from the chain of its own measurements.
-/// Everything after it is linear.
+/// local map is a least squares problem of its own, started from the chain of its own measurements,
+/// or where there are many from joining them (building/parts.h). Everything after it is linear.
 ///
 ///     const RawLog<2> log = raw_log(read_g2o("park.g2o").as<2>());
 ///     const BuiltMaps<2> built = build_local_maps(log, segment(log, {SegmentRule::By::kPoses,
@@ -29,7 +29,7 @@ enum class Builder {
 enum class LocalFrame {
   kStart,    ///< its first pose
   kEnd,      ///< its last pose
-  kFeatures  ///< features that are far apart; the first pose where it has too few
+  kFeatures  ///< features that are far apart; the first pose where the map has too few
 };
 
 /// What a local map keeps; the rest is marginalised (Linear SLAM section 3.2). Poses that other
@@ -47,6 +47,10 @@ struct BuildOptions {
   RobustLoss loss = {};  ///< nonlinear builder only; off by default
   int threads = 1;       ///< the result has the same bits for any number
   int max_iterations = 100;
+  /// Local maps of more than a hundred poses are built in parts that are joined (building/parts.h),
+  /// unless this says not to: then from the chain of their measurements, as the papers do. For
+  /// comparison.
+  bool whole = false;
 };
 
 /// Local maps, and what went into them.
@@ -54,9 +58,9 @@ template <int D>
 struct BuiltMaps {
   /// In order of time. A segment whose poses fall apart gives several, one that places nothing
   /// none. Values and information at the optimum, gauge-free. The map is the measurement now: maps
-  /// of the nonlinear builder that keep everything and are written in the frame of a pose carry
-  /// themselves as their observations, taken apart so that joins stay sparse; others are one dense
-  /// observation each.
+  /// of the nonlinear builder that keep everything carry themselves as their observations, taken
+  /// apart so that joins stay sparse (from the anchor where that is a pose, else from the first
+  /// pose), large ones of a filter carry their parts; others are one dense observation each.
   std::vector<Map<D>> maps;
   std::vector<std::int64_t> used;     ///< measurements in the maps, ascending, each once
   std::vector<std::int64_t> refused;  ///< of features that no map could place: in no map
@@ -68,9 +72,10 @@ struct BuiltMaps {
 /// Builds every local map of a segmentation, in parallel.
 ///
 /// Measurements of features that cannot be placed (ranges or bearings that leave several places)
-/// are refused and listed, never guessed. Cost: one small sparse problem a map. \throws InputError,
-/// SingularError, DegenerateFrameError (features alone that fix no frame; the message names the
-/// map), Error when a nonlinear problem does not converge.
+/// are refused and listed, never guessed. Cost: one small sparse problem a map. \throws InputError
+/// (options that make no sense; frames of features of a recording that has none), SingularError,
+/// DegenerateFrameError (features alone that fix no frame; the message names the map), Error when a
+/// nonlinear problem does not converge.
 template <int D>
 BuiltMaps<D> build_local_maps(const RawLog<D>& log, const Segmentation& segmentation,
                               const BuildOptions& options = {});

@@ -26,6 +26,9 @@ void add_build_arguments(CLI::App& command, BuildArguments& a, const std::string
           "a width in standard deviations, as in cauchy:3")
       ->type_name("LOSS")
       ->capture_default_str();
+  command.add_flag("--whole", a.whole,
+                   "Build large local maps from the chain of their measurements, not in parts that "
+                   "are joined: as the papers do, for comparison");
 }
 
 BuildOptions build_options(const BuildArguments& a, int threads) {
@@ -37,6 +40,7 @@ BuildOptions build_options(const BuildArguments& a, int threads) {
   if (a.keep == "features") out.keep = Keep::kFeatures;
   out.loss = parse_robust_loss(a.loss);
   out.threads = threads;
+  out.whole = a.whole;
   return out;
 }
 

@@ -19,9 +19,10 @@ struct BuildArguments {
   std::string frame = "start";
   std::string keep = "all";
   std::string loss = "none";
+  bool whole = false;
 };
 
-/// `--builder`, `--robust`, and the local maps' anchor under the given name.
+/// `--builder`, `--robust`, `--whole`, and the local maps' anchor under the given name.
 void add_build_arguments(CLI::App& command, BuildArguments& arguments, const std::string& anchor);
 BuildOptions build_options(const BuildArguments& arguments, int threads);
 

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "tests/program/workbench.h"
 
@@ -81,6 +83,31 @@ TEST_F(Build, ALogOfBeaconsBecomesAMapNearTheTruth) {
       run({"evaluate", file("field.map"), "--truth", file("field/beacons_true.csv")});
   EXPECT_LT(figure(figures, "nees"), 1.5 * figure(figures, "dimension"));
   EXPECT_GT(figure(figures, "nees"), 0.5 * figure(figures, "dimension"));
+}
+
+/// Near a beacon noise makes ranges of 0 and less.
+TEST_F(Build, WhatIsTooNearIsLeftOutWhenAskedAndCounted) {
+  write("log/controls.csv", "speed_mps,turnrate_radps\n1,0\n1,0\n");
+  write("log/observations.csv",
+        "step,beacon,range_m,bearing_rad\n1,7,2.0,0.5\n2,7,1.8,0.6\n2,8,-0.1,2.0\n3,8,0.4,1.0\n");
+  const std::vector<std::string> build = {"build",    file("log"), "--segment",
+                                          "poses:10", "--output",  file("maps")};
+  expect_refused(build, "--nearest");
+  std::vector<std::string> nearest = build;
+  nearest.insert(nearest.end(), {"--nearest", "0.5"});
+  const std::string out = run(nearest);
+  EXPECT_THAT(out, HasSubstr("2 observations nearer than 0.5 m were left out"));
+  EXPECT_THAT(out, HasSubstr("measurements  4 used, 0 refused"));
+}
+
+TEST_F(Build, FramesOfFeaturesNeedFeatures) {
+  const std::string world = simulate("manhattan", 60);
+  expect_refused(
+      {"build", world, "--segment", "poses:20", "--anchor", "features", "--output", file("maps")},
+      "no features");
+  expect_refused({"solve", world, "--local-maps", "3", "--local-anchor", "features", "--output",
+                  file("out.g2o")},
+                 "no features");
 }
 
 TEST_F(Build, MapsOfFeaturesJoin) {

@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <numeric>
+#include <span>
+#include <utility>
 
 #include "mapjoin/building/solve.h"
 #include "mapjoin/evaluation/chi_squared.h"
@@ -131,6 +133,27 @@ TEST(BuiltMaps, AreObservationsOfThemselves) {
   expect_same_observation(plane, LocalFrame::kEnd);
   const RawLog<3> space = raw_log(world<3>(World::kLandmarks3d, 30).graph);
   expect_same_observation(space, LocalFrame::kStart);
+}
+
+/// An observation has an anchor of its own, so a map in a frame of features is taken apart like
+/// any.
+TEST(BuiltMaps, JoinTheSameFromFramesOfFeatures) {
+  const auto joined = [](const auto& log, LocalFrame frame, Mode mode) {
+    const auto built = build_local_maps(log, segment(log, {By::kPoses, 12}), {.frame = frame});
+    JoinOptions options;
+    options.mode = mode;
+    return join_all(std::span(std::as_const(built.maps)), {}, options).maps.at(0);
+  };
+  const RawLog<2> plane = drive({.poses = 40}).log;
+  const RawLog<3> space = raw_log(world<3>(World::kLandmarks3d, 40).graph);
+  for (const Mode mode : {Mode::kObserve, Mode::kOptimal}) {
+    const Map<2> start = joined(plane, LocalFrame::kStart, mode);
+    const Map<2> features = joined(plane, LocalFrame::kFeatures, mode);
+    EXPECT_EQ(start.observations->size(), features.observations->size());  // as sparse
+    expect_same(start, features, 1e-9);
+    expect_same(joined(space, LocalFrame::kStart, mode), joined(space, LocalFrame::kFeatures, mode),
+                1e-9);
+  }
 }
 
 TEST(BuiltMaps, MeasurementsOfSeveralModelsGoTogether) {
@@ -354,6 +377,8 @@ TEST(BuiltMaps, RefuseWhatCannotBe) {
   const RawLog<2> poses = raw_log(world<2>(World::kManhattan, 20).graph);
   EXPECT_THROW(build_local_maps(poses, in_one(poses), {.keep = Keep::kFeatures}),
                DegenerateFrameError);
+  EXPECT_THROW(build_local_maps(poses, in_one(poses), {.frame = LocalFrame::kFeatures}),
+               InputError);
 }
 
 }  // namespace
