@@ -141,7 +141,8 @@ StartFrameMap<D> join_nonlinearly(const StartFrameMap<D>& first, const StartFram
 
   std::vector<Term> terms_1(static_cast<std::size_t>(a.size()));
   std::vector<Term> terms_2(static_cast<std::size_t>(b.size()));
-  for (int iteration = 0; iteration < kMostIterations; ++iteration, ++cost.iterations) {
+  for (int iteration = 0; iteration < kMostIterations; ++iteration) {
+    ++cost.iterations;
     Eigen::VectorXd rhs = Eigen::VectorXd::Zero(variables.scalars());
     std::fill(H.values().begin(), H.values().end(), 0.0);
     for (int i = 0; i < a.size(); ++i) {

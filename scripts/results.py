@@ -27,13 +27,14 @@ from results_parts.filters import filters
 from results_parts.joining import lemma, observe, optimum, published
 from results_parts.numbering import recordings, shuffled_ids
 from results_parts.speed import large_worlds, scale, speed
+from results_parts.table_1 import table_1
 from results_parts.uncertainty import uncertainty
 
 HERE = Path(__file__).resolve().parent.parent
 
 SECTIONS = [optimum, observe, published, lemma, shuffled_ids, recordings, speed, large_worlds,
             bad_inputs, frames, scale, feature_only, uncertainty, filters, association,
-            local_maps]
+            local_maps, table_1]
 
 
 def page(report, bench, options, seconds):
