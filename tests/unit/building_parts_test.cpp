@@ -115,6 +115,7 @@ TEST(LargeLocalMaps, OfAFilterAreNearTheOptimumAndSolvedToIt) {
     ASSERT_EQ(built.maps.size(), 1U);
     EXPECT_EQ(built.used.size(), log.size());
     EXPECT_TRUE(is_gauge_free(built.maps[0]));
+    EXPECT_NE(built.maps[0].observations, nullptr);  // its parts, not one of all that is dense
     EXPECT_LT(deviation(built.maps[0].values, optimum.maps[0].values).pose_rmse, 0.1);
     EXPECT_NEAR(built.chi2, optimum.report.chi2, 0.05 * optimum.report.chi2);
     const SolvedLog<2> solved = solve_by_local_maps(log, in_one_map(log), options, {});
@@ -151,18 +152,23 @@ TEST(LargeLocalMaps, HaveTheSameBitsForAnyNumberOfThreads) {
   }
 }
 
-/// Ranges alone: parts place the features, or the whole map does.
-TEST(LargeLocalMaps, OfRangesAloneUseWhatSmallOnesDo) {
+/// Parts place the features, or the whole map does.
+TEST(LargeLocalMaps, OfRangesAloneAreAsGoodAsSmallOnes) {
   const test::DrivenWorld w = test::drive({.sensor = test::Sensor::kRange, .poses = 300});
-  const BuiltMaps<2> built = build_local_maps(w.log, in_one_map(w.log));
-  ASSERT_EQ(built.maps.size(), 1U);
-  EXPECT_EQ(built.used.size() + built.refused.size(), w.log.size());
-  const BuiltMaps<2> small = build_local_maps(w.log, segment(w.log, {SegmentRule::By::kPoses, 40}));
-  EXPECT_LE(built.refused.size(), small.refused.size());
-  EXPECT_LT(deviation(built.maps[0].values, w.truth).feature_rmse, 0.5);
+  const Segmentation segments = segment(w.log, {SegmentRule::By::kPoses, 40});
+  const SolvedLog<2> small = solve_by_local_maps(w.log, segments, {}, {});
+  const double rmse = deviation(small.result.maps[0].values, w.truth).feature_rmse;
+  for (const Builder builder : {Builder::kNonlinear, Builder::kFilter}) {
+    const BuiltMaps<2> built = build_local_maps(w.log, in_one_map(w.log), {.builder = builder});
+    ASSERT_EQ(built.maps.size(), 1U);
+    EXPECT_EQ(built.used.size() + built.refused.size(), w.log.size());
+    EXPECT_LT(deviation(built.maps[0].values, w.truth).feature_rmse, 2.0 * rmse);
+    if (builder == Builder::kNonlinear) {
+      EXPECT_LE(built.refused.size(), small.refused);
+    }
+  }
 }
 
-/// The sum of robust costs falls below that of the start, from wherever it is.
 TEST(LargeLocalMaps, WithOutliersAreAsGoodAsSmallOnes) {
   const auto feature_rmse = [](double outliers) {
     const test::DrivenWorld w = test::drive({.poses = 300, .outliers = outliers});
