@@ -175,11 +175,14 @@ def four_digits(value, published):
 
 
 def tests_of(bench, report, program, pattern):
+    """Judges by tests. Returns what they printed."""
     report.commands(f"build/release/tests/{program} --gtest_filter='{pattern}'")
-    counts = bench.run_tests(program, pattern)
+    output = []
+    counts = bench.run_tests(program, pattern, output)
     if counts is None:
         report.say("The tests are not built here.")
-        return
+        return ""
     passed, failed, skipped = counts
     report.check(failed == 0 and passed > 0, f"{program} {pattern}")
     report.say(f"{passed} passed, {failed} failed, {skipped} skipped.")
+    return "".join(output)
