@@ -95,7 +95,7 @@ TEST(LargeLocalMaps, EndInTheOptimumWhereTheirChainDoesNot) {
 /// Ranges and bearings cannot be joined as they are, parts of fifty poses can.
 TEST(LargeLocalMaps, OfRangesAndBearingsEndInTheOptimumToo) {
   LogSimulationOptions options;
-  options.poses = 4000;
+  options.poses = 1500;
   options.sensors.sigma_turn_rate = 0.1;
   options.most_turn = 1.0;
   const RawLog<2> log = simulate_log(options).log;
