@@ -106,9 +106,9 @@ def fig8(bench, report, options):
             report.say(f"n = 20, built and joined in observe mode: {total[20]:.2f} s; one full solve by "
                        f"Ceres from odometry: {seconds:.2f} s. Quicker: {holds}.")
         if name == "dlr":
-            report.say("DLR is one long loop, which closes at the last join: what one or three solves leave "
-                       "there is a turn of the whole against pose 0 (\"best fit\": features after the best "
-                       "rigid fit instead). Nothing is promised of it.")
+            report.say("DLR is one long loop, closed by the last join: RMSE is mostly a turn of the whole "
+                       "against pose 0 (\"best fit\": features after the best rigid fit instead). Nothing "
+                       "is promised of it.")
         if name == "victoria_park" and not options.quick and (options.update or not options.items):
             (IMAGES / "local_maps.svg").write_text(fig8_picture(curves))
             report.say("![RMSE over the number of local maps](images/local_maps.svg)")

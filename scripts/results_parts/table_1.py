@@ -41,6 +41,6 @@ def cheaper(report, out):
                f"{growth(5):.1f} (predicted {growth(6):.2f}), and building does not fall with 1 / n^2. The "
                "predictions count S^3 for S poses and features, a dense solve, of which the last join has "
                "nearly all. Maps are sparse, and a solve costs about as much as S: every level of the tree "
-               "then costs the same, building the same for every n. And all figures are smaller than "
-               f"predicted, as the full solve takes {iterations} iterations from odometry where the paper "
-               "supposes 10.")
+               "then costs the same, building the same for every n. And all figures of joining are smaller "
+               f"than predicted, as the full solve takes {iterations} iterations from odometry where the "
+               "paper supposes 10.")
