@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "mapjoin/building/delayed.h"
@@ -44,6 +45,18 @@ Anchor<D> wanted_anchor(const Map<D>& map, const LocalProblem<D>& problem,
   return pose_anchor<D>(problem.variables.key(end ? problem.last_pose() : problem.first_pose()));
 }
 
+/// The measurements of a problem as they are; nothing where some are not relative poses or points.
+template <int D>
+std::optional<MeasurementGraph<D>> own_graph(const LocalProblem<D>& problem) {
+  MeasurementGraphBuilder<D> builder;
+  for (const auto& m : problem.measurements) {
+    if (!m.model->relative) return std::nullopt;
+    builder.add(*m.model->target, problem.variables.key(m.from), problem.variables.key(m.to), m.z,
+                m.info);
+  }
+  return std::move(builder).build();
+}
+
 template <int D>
 Map<D> the_map(JoinResult<D> joined) {
   if (joined.maps.size() != 1)  // cannot be: the problem hangs together, and so do its parts
@@ -78,14 +91,6 @@ std::vector<std::vector<char>> kept_in_parts(const LocalProblem<D>& whole,
 }  // namespace
 
 template <int D>
-MapBuilder<D>::MapBuilder(const RawLog<D>& log, const BuildOptions& options,
-                          const std::vector<int>& maps_of)
-    : log_(log), options_(options), maps_of_(maps_of) {
-  const bool wanted = options.builder == Builder::kNonlinear && !options.whole && !robust();
-  joinable_ = wanted && as_graph(log, graph_);
-}
-
-template <int D>
 std::vector<char> MapBuilder<D>::kept(const LocalProblem<D>& problem) const {
   std::vector<char> out(static_cast<std::size_t>(problem.variables.size()), 1);
   if (options_.keep == Keep::kAll) return out;
@@ -113,13 +118,11 @@ bool MapBuilder<D>::is_large(const LocalProblem<D>& problem, const std::vector<c
 /// has to judge first, in parts.
 template <int D>
 Map<D> MapBuilder<D>::joined_start(const LocalProblem<D>& problem) const {
-  if (!joinable_) {
-    const std::vector<char> all(static_cast<std::size_t>(problem.variables.size()), 1);
-    return joined_parts(problem, all).map;
+  if (!robust()) {
+    if (const auto graph = own_graph(problem)) return the_map(join_all(*graph, {}));
   }
-  std::vector<std::int64_t> own;
-  for (const auto& m : problem.measurements) own.push_back(m.number);
-  return the_map(join_all(subgraph(graph_, std::span<const std::int64_t>(own)), {}));
+  const std::vector<char> all(static_cast<std::size_t>(problem.variables.size()), 1);
+  return joined_parts(problem, all).map;
 }
 
 template <int D>

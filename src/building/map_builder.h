@@ -24,7 +24,8 @@ template <int D>
 class MapBuilder {
  public:
   /// `maps_of`: in how many local maps a variable of the recording is. All are only referred to.
-  MapBuilder(const RawLog<D>& log, const BuildOptions& options, const std::vector<int>& maps_of);
+  MapBuilder(const RawLog<D>& log, const BuildOptions& options, const std::vector<int>& maps_of)
+      : log_(log), options_(options), maps_of_(maps_of) {}
 
   /// \throws as build_local_maps().
   BuiltMap<D> build(LocalProblem<D> problem) const;
@@ -52,8 +53,6 @@ class MapBuilder {
   const RawLog<D>& log_;
   const BuildOptions& options_;
   const std::vector<int>& maps_of_;
-  MeasurementGraph<D> graph_;  ///< the recording, where it can be joined as it is
-  bool joinable_ = false;
 };
 
 extern template class MapBuilder<2>;
