@@ -114,33 +114,39 @@ bool MapBuilder<D>::is_large(const LocalProblem<D>& problem, const std::vector<c
 }
 
 /// What joining makes of a large map's own measurements. Relative poses and points are joined as
-/// they are, every pose with what it measures a local map; anything else, and what a robust loss
-/// has to judge first, in parts.
+/// they are, every pose with what it measures a local map; anything else in parts. With a robust
+/// loss both: measurements as they are may be wrong, which parts notice.
 template <int D>
-Map<D> MapBuilder<D>::joined_start(const LocalProblem<D>& problem) const {
-  if (!robust()) {
-    if (const auto graph = own_graph(problem)) return the_map(join_all(*graph, {}));
+std::vector<Map<D>> MapBuilder<D>::joined_starts(const LocalProblem<D>& problem) const {
+  std::vector<Map<D>> out;
+  if (const auto graph = own_graph(problem)) out.push_back(the_map(join_all(*graph, {})));
+  if (out.empty() || robust()) {
+    const std::vector<char> all(static_cast<std::size_t>(problem.variables.size()), 1);
+    out.push_back(joined_parts(problem, all).map);
   }
-  const std::vector<char> all(static_cast<std::size_t>(problem.variables.size()), 1);
-  return joined_parts(problem, all).map;
+  return out;
 }
 
+/// The start with the smallest cost.
 template <int D>
 InitialValues<D> MapBuilder<D>::start_of(const LocalProblem<D>& problem) const {
-  InitialValues<D> chain = initial_values(problem, robust());
+  const InitialValues<D> chain = initial_values(problem, robust());
   if (!is_large(problem, {})) return chain;
-  InitialValues<D> joined = chain;
-  const Map<D> map = joined_start(problem);
-  const std::vector<int> places = numbers_in(map.variables(), problem.variables);
-  for (int i = 0; i < map.values.size(); ++i) {
-    const int place = places[static_cast<std::size_t>(i)];
-    const double* const x = map.values.value(i);
-    std::copy(x, x + map.variables().kind(i).value_size, joined.values.value(place));
-    joined.known[static_cast<std::size_t>(place)] = 1;
+  InitialValues<D> best = chain;
+  for (const Map<D>& map : joined_starts(problem)) {
+    InitialValues<D> joined = chain;
+    const std::vector<int> places = numbers_in(map.variables(), problem.variables);
+    for (int i = 0; i < map.values.size(); ++i) {
+      const int place = places[static_cast<std::size_t>(i)];
+      const double* const x = map.values.value(i);
+      std::copy(x, x + map.variables().kind(i).value_size, joined.values.value(place));
+      joined.known[static_cast<std::size_t>(place)] = 1;
+    }
+    const RobustLoss& loss = options_.loss;
+    if (cost(problem, loss, joined, best) <= cost(problem, loss, best, joined))
+      best = std::move(joined);
   }
-  const bool better =
-      cost(problem, options_.loss, joined, chain) <= cost(problem, options_.loss, chain, joined);
-  return better ? joined : chain;
+  return best;
 }
 
 template <int D>

@@ -44,7 +44,7 @@ class MapBuilder {
   Solved filtered(LocalProblem<D> problem, InitialValues<D> values,
                   const std::vector<char>& keep) const;
   Solved joined_parts(LocalProblem<D> problem, const std::vector<char>& keep) const;
-  Map<D> joined_start(const LocalProblem<D>& problem) const;
+  std::vector<Map<D>> joined_starts(const LocalProblem<D>& problem) const;
   InitialValues<D> start_of(const LocalProblem<D>& problem) const;
   std::vector<char> kept(const LocalProblem<D>& problem) const;
   bool is_large(const LocalProblem<D>& problem, const std::vector<char>& keep) const;

@@ -16,8 +16,8 @@ namespace mapjoin {
 /// joined. Nonlinear least squares then starts from where that ends.
 ///
 /// Relative poses and points are joined as they are: every pose with what it measures is a part.
-/// All other measurements, and all for a filter, make parts of this many poses; a map is large
-/// above twice as many.
+/// All other measurements, and all for a filter or a robust loss, make parts of this many poses; a
+/// map is large above twice as many.
 inline constexpr int kPartPoses = 50;
 
 /// A filter is large above this many scalars in its state: its cost is their square at every pose.

@@ -169,6 +169,18 @@ TEST(LargeLocalMaps, OfRangesAloneAreAsGoodAsSmallOnes) {
   }
 }
 
+/// A loss so wide that it changes nothing.
+TEST(LargeLocalMaps, WithARobustLossAndNoOutliersEndInTheOptimumToo) {
+  SimulationOptions options = simulation_defaults(World::kGrid3d);
+  options.poses = 600;
+  options.sigma_rotation = 0.2;
+  const RawLog<3> log = raw_log(simulate<3>(options).graph);
+  const double optimum = build_local_maps(log, in_one_map(log)).chi2;
+  const BuiltMaps<3> robust =
+      build_local_maps(log, in_one_map(log), {.loss = parse_robust_loss("huber:1000000")});
+  EXPECT_NEAR(robust.chi2, optimum, 1e-6 * optimum);
+}
+
 TEST(LargeLocalMaps, WithOutliersAreAsGoodAsSmallOnes) {
   const auto feature_rmse = [](double outliers) {
     const test::DrivenWorld w = test::drive({.poses = 300, .outliers = outliers});
