@@ -6,10 +6,10 @@
 #include <optional>
 #include <utility>
 
-#include "mapjoin/building/delayed.h"
 #include "mapjoin/building/filter.h"
 #include "mapjoin/building/integrated.h"
 #include "mapjoin/building/parts.h"
+#include "mapjoin/building/prepared.h"
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/change_frame.h"
 #include "mapjoin/frames/points_anchor.h"
@@ -20,19 +20,6 @@
 namespace mapjoin {
 
 namespace {
-
-/// Places what several measurements place together. \returns the problem without the measurements
-/// of features that nothing places, `values` without these features.
-template <int D>
-LocalProblem<D> with_all_placed(LocalProblem<D> problem, InitialValues<D>& values) {
-  const std::vector<std::int64_t> refused = place_delayed(problem, values);
-  if (refused.empty()) return problem;
-  LocalProblem<D> rest = without(problem, std::span(refused));
-  std::vector<int> kept = numbers_in(rest.variables, problem.variables);
-  values.values = subset(values.values, std::span<const int>(kept));
-  values.known.assign(kept.size(), 1);
-  return rest;
-}
 
 template <int D>
 Anchor<D> wanted_anchor(const Map<D>& map, const LocalProblem<D>& problem,

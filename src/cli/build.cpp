@@ -149,16 +149,7 @@ void add_build(CLI::App& app) {
                    "Count g2o records that are not understood instead of refusing the file");
   command.add_option("--session", a.csv.session, "Session of ids without one")
       ->capture_default_str();
-  const auto sigma = [&](const std::string& name, double& target, const std::string& help) {
-    command.add_option(name, target, help + " (logs)")->capture_default_str();
-  };
-  sigma("--duration", a.csv.duration, "Of a control, s");
-  sigma("--sigma-speed", a.csv.sigma_speed, "Standard deviation of the speed, m/s");
-  sigma("--sigma-sideways", a.csv.sigma_sideways, "Of the speed sideways, which is 0, m/s");
-  sigma("--sigma-turn-rate", a.csv.sigma_turn_rate, "Of the turn rate, rad/s");
-  sigma("--sigma-range", a.csv.sigma_range, "Of a range, m");
-  sigma("--sigma-bearing", a.csv.sigma_bearing, "Of a bearing, rad");
-  sigma("--nearest", a.csv.nearest, "Leave out observations of a smaller range, m");
+  add_log_arguments(command, a.csv);
   add_examples(command, kExamples);
   command.callback([arguments] { run_build(*arguments); });
 }

@@ -1,22 +1,29 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string_view>
 #include <utility>
 
+#include "mapjoin/building/ekf_slam.h"
 #include "mapjoin/cli/arguments.h"
 #include "mapjoin/cli/commands.h"
+#include "mapjoin/cli/compare_table.h"
 #include "mapjoin/cli/input.h"
 #include "mapjoin/cli/output.h"
 #include "mapjoin/cli/progress.h"
+#include "mapjoin/cli/raw.h"
 #include "mapjoin/cli/truth.h"
 #include "mapjoin/evaluation/consistency.h"
 #include "mapjoin/evaluation/evaluate.h"
 #include "mapjoin/filtering/methods.h"
+#include "mapjoin/frames/local_map.h"
 #include "mapjoin/io/local_maps.h"
+#include "mapjoin/io/native_map.h"
 #include "mapjoin/joining/memory_limit.h"
 
 namespace mapjoin::cli {
@@ -31,10 +38,14 @@ constexpr const char* kExamples = R"(Methods:
             (these two only where they are named)
   dslam     D-SLAM map joining: features alone; idslam: iterated (I-DMJ)
   ekf       map joining by a dense extended Kalman filter
+  slsjf:anew:N   slsjf, linearising all local maps anew at every N (only where it is named)
+  ekf-slam  of a recording: EKF SLAM over the whole run, without local maps
+Of a recording, local maps are built first, as 'mapjoin build --keep end-pose' does.
 Columns: chi2 over all local maps (of dslam and idslam over feature-only ones); RMSE of poses and of
 features to the reference, in metres per coordinate, both maps in the frame of their lowest common
 pose, and of features after the best rigid fit; NEES against the truth, and the bounds that a
-consistent map's lies between with 95% probability; seconds of initialising and adding, ordering,
+consistent map's lies between with 95% probability, and the share of coordinates within two standard
+deviations of the truth; seconds of initialising and adding, ordering,
 factorising, recovering the estimate, refining, and in all; the memory it took.
 Without --reference, methods are held against islsjf or linear:optimal, and dslam against idslam,
 where those are among them.
@@ -43,24 +54,26 @@ Examples:
   mapjoin compare victoria_park_200
   mapjoin compare simu_8240_50 --methods slsjf,ekf,linear:optimal --truth beacons_true.csv
   mapjoin compare dlr_200 --methods all --reference dlr_200_optimum.g2o --json table.json
+  mapjoin compare park.g2o --segment maps:200 --methods slsjf,ekf,ekf-slam --output park_maps
+      From one recording; every method's map is written to park_maps/METHOD.map.
 )";
 
+constexpr const char* kWholeRun = "ekf-slam";
+
 struct Arguments {
-  std::string folder;
+  std::string source;  ///< local maps, or a recording
+  std::string segment;
   std::string methods = "all";
+  std::string output;
   std::string truth;
   std::string reference;
   std::string json;
   std::string indefinite = "refuse";
-  std::uint32_t session = 0;
-};
+  bool skip_unknown = false;
+  BuildArguments build;
+  CsvLogOptions csv;  ///< its session is that of local maps, too
 
-/// A method and, of linear joining, its mode.
-struct Contestant {
-  std::string label;
-  Method method = Method::kLinear;
-  Mode mode = Mode::kOptimal;
-  FilterOptions filter = {};
+  bool recording() const { return !segment.empty(); }
 };
 
 constexpr std::pair<const char*, Mode> kLinearModes[] = {{"linear:paper", Mode::kPaper},
@@ -83,22 +96,38 @@ Contestant contestant(const std::string& word) {
     filter.incremental = false;
     return {word, Method::kSlsjf, Mode::kOptimal, filter};
   }
+  constexpr std::string_view kAnew = "slsjf:anew:";
+  if (word.starts_with(kAnew)) {
+    FilterOptions filter;
+    const char* const end = word.data() + word.size();
+    const auto read = std::from_chars(word.data() + kAnew.size(), end, filter.relinearise_every);
+    if (read.ec != std::errc() || read.ptr != end || filter.relinearise_every < 1)
+      throw InputError(fmt::format("'{}': after how many local maps? As in slsjf:anew:50", word));
+    return {word, Method::kSlsjf, Mode::kOptimal, filter};
+  }
+  if (word == kWholeRun) return {word, Method::kEkf, Mode::kOptimal, {}, true};
   return {word, parse_method(word), Mode::kOptimal, {}};
 }
 
-std::vector<Contestant> contestants(const std::string& list) {
+std::vector<Contestant> contestants(const Arguments& a) {
   std::vector<Contestant> out;
+  const std::string& list = a.methods;
   if (list == "all") {
     for (const auto& linear : kLinearModes) out.push_back(contestant(linear.first));
     for (const Method method : kMethods) {
       if (method != Method::kLinear) out.push_back(contestant(std::string(name(method))));
     }
+    if (a.recording()) out.push_back(contestant(kWholeRun));
     return out;
   }
   std::size_t at = 0;
   while (at <= list.size()) {
     const std::size_t end = std::min(list.find(',', at), list.size());
     out.push_back(contestant(list.substr(at, end - at)));
+    if (out.back().whole_run && !a.recording())
+      throw InputError(
+          "ekf-slam filters a recording, and local maps are none: give the recording and --segment "
+          "instead of the folder of local maps");
     at = end + 1;
   }
   return out;
@@ -116,19 +145,30 @@ std::int64_t peak_since() {
   return peak_memory();
 }
 
+/// What there is to compare on.
 template <int D>
-struct Row {
-  Contestant contestant;
-  FilterResult<D> result;
-  double seconds = 0.0;
-  std::int64_t memory = 0;
-  std::optional<Deviation> deviation;
-  std::optional<Consistency> consistency;
-  std::string failure;  ///< what stopped it
+struct Subject {
+  std::vector<LocalMap<D>> maps;
+  std::optional<RawLog<D>> log;  ///< the recording that they were built from
 };
 
 template <int D>
-Row<D> run_one(const Contestant& contestant, std::span<const LocalMap<D>> maps) {
+FilterResult<D> filter_whole_run(const RawLog<D>& log, const ProgressCallback& progress) {
+  SlamResult<D> slam = ekf_slam(log, progress);
+  FilterResult<D> out;
+  out.map = std::move(slam.map);
+  for (const double seconds : slam.seconds) {
+    Fusion fusion;
+    fusion.seconds_factor = seconds;
+    out.report.fusions.push_back(fusion);
+  }
+  out.report.scalars = out.map.variables().scalars() - kGauge<D>;
+  out.report.nonzeros = static_cast<std::int64_t>(out.report.scalars) * out.report.scalars;
+  return out;
+}
+
+template <int D>
+Row<D> run_one(const Contestant& contestant, const Subject<D>& subject) {
   Row<D> row;
   row.contestant = contestant;
   MethodOptions options;
@@ -141,7 +181,10 @@ Row<D> run_one(const Contestant& contestant, std::span<const LocalMap<D>> maps) 
   const std::int64_t before = resident_memory();
   const Stopwatch clock;
   try {
-    row.result = join_by(contestant.method, maps, options);
+    row.result =
+        contestant.whole_run
+            ? filter_whole_run(*subject.log, options.join.progress)
+            : join_by(contestant.method, std::span<const LocalMap<D>>(subject.maps), options);
   } catch (const CancelledError&) {
     throw;
   } catch (const Error& error) {  // a method that cannot join these maps says so in its row
@@ -169,108 +212,33 @@ const Values<D>* reference_of(const Row<D>& row, const std::vector<Row<D>>& rows
   return found == rows.end() ? nullptr : &found->result.map.values;
 }
 
-std::string cell(bool there, double value, int digits) {
-  return there ? fmt::format("{:.{}f}", value, digits) : std::string("-");
-}
-
-/// "chi2" of what is measured from poses needs the poses.
 template <int D>
-bool has_chi2(const Row<D>& row) {
-  return row.failure.empty() && row.contestant.method != Method::kEkf;
-}
-
-template <int D>
-std::string text(const std::vector<Row<D>>& rows, bool with_truth) {
-  std::string out =
-      fmt::format("{:<15}{:>14}{:>10}{:>10}{:>10}", "method", "chi2", "poses", "features", "fit");
-  if (with_truth) out += fmt::format("{:>12}{:>20}", "NEES", "95% between");
-  out += fmt::format("{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}\n", "add", "order", "factor", "recover",
-                     "refine", "seconds", "MiB");
-  for (const Row<D>& row : rows) {
-    out += fmt::format("{:<15}", row.contestant.label);
-    if (!row.failure.empty()) {
-      out += fmt::format("  {}\n", row.failure);
-      continue;
-    }
-    const Deviation d = row.deviation.value_or(Deviation());
-    const FilterReport& report = row.result.report;
-    out += fmt::format("{:>14}{:>10}{:>10}{:>10}", cell(has_chi2(row), report.chi2, 4),
-                       cell(d.poses > 1, d.pose_rmse, 4),
-                       cell(d.poses > 0 && d.features > 0, d.feature_rmse, 4),
-                       cell(d.features > 0, d.aligned_feature_rmse, 4));
-    if (with_truth) {
-      const Consistency c = row.consistency.value_or(Consistency());
-      out += fmt::format("{:>12}{:>20}", cell(row.consistency.has_value(), c.nees, 1),
-                         row.consistency ? fmt::format("{:.1f}..{:.1f}", c.lower, c.upper) : "-");
-    }
-    const Fusion sum = report.total();
-    out += fmt::format("{:>9.3f}{:>9.3f}{:>9.3f}{:>9.3f}{:>9.3f}{:>9.3f}{:>9.1f}\n",
-                       sum.seconds_update, sum.seconds_order, sum.seconds_factor,
-                       sum.seconds_recover, report.seconds_refine, row.seconds,
-                       static_cast<double>(row.memory) / 1048576.0);
-  }
-  return out;
-}
-
-template <int D>
-nlohmann::ordered_json json(const Row<D>& row) {
-  nlohmann::ordered_json out;
-  out["method"] = row.contestant.label;
-  out["seconds"] = row.seconds;
-  if (!row.failure.empty()) {
-    out["failure"] = row.failure;
-    return out;
-  }
-  const FilterReport& report = row.result.report;
-  if (has_chi2(row)) out["chi2"] = report.chi2;
-  if (row.deviation && row.deviation->poses > 1) out["pose_rmse"] = row.deviation->pose_rmse;
-  if (row.deviation && row.deviation->features > 0) {
-    if (row.deviation->poses > 0) out["feature_rmse"] = row.deviation->feature_rmse;
-    out["aligned_feature_rmse"] = row.deviation->aligned_feature_rmse;
-  }
-  if (row.consistency) {
-    out["nees"] = row.consistency->nees;
-    out["dimension"] = row.consistency->dimension;
-    out["lower"] = row.consistency->lower;
-    out["upper"] = row.consistency->upper;
-  }
-  const Fusion sum = report.total();
-  out["seconds_by_step"] = {{"add", sum.seconds_update},
-                            {"order", sum.seconds_order},
-                            {"factor", sum.seconds_factor},
-                            {"recover", sum.seconds_recover},
-                            {"refine", report.seconds_refine}};
-  out["memory_bytes"] = row.memory;
-  out["scalars"] = report.scalars;
-  if (report.nonzeros > 0) out["information_nonzeros"] = report.nonzeros;
-  if (report.factor_nonzeros > 0) out["factor_nonzeros"] = report.factor_nonzeros;
-  if (report.refine_solves > 0) out["refine_solves"] = report.refine_solves;
-  out["minimum"] = report.minimum;
-  out["seconds_per_map"] = nlohmann::json::array();
-  for (const Fusion& fusion : report.fusions) out["seconds_per_map"].push_back(fusion.seconds());
-  if (!report.fusions.empty()) out["reordered"] = report.reordered();
-  return out;
-}
-
-template <int D>
-void compare_maps(const Arguments& a, const LocalMapSet<D>& set) {
+void compare_methods(const Arguments& a, const Subject<D>& subject, OutputFolder* folder) {
   const Interruptible interruptible;
   std::optional<Values<D>> reference;
   std::vector<Row<D>> rows;
-  for (const Contestant& contestant : contestants(a.methods)) {
-    rows.push_back(run_one<D>(contestant, set.maps));
+  for (const Contestant& contestant : contestants(a)) {
+    rows.push_back(run_one<D>(contestant, subject));
     Row<D>& row = rows.back();
     if (!row.failure.empty()) continue;
     if (!a.reference.empty() && !reference) {
-      const AnyValues any = read_solution(a.reference, a.session, row.result.map.variables());
+      const AnyValues any = read_solution(a.reference, a.csv.session, row.result.map.variables());
       const auto* const values = std::get_if<Values<D>>(&any);
       if (values == nullptr)
         throw InputError(
             fmt::format("{} is {}D but the local maps are {}D", a.reference, 5 - D, D));
       reference = *values;
     }
-    if (!a.truth.empty())
-      row.consistency = consistency(row.result.map, read_truth(a.truth, row.result.map));
+    if (!a.truth.empty()) {
+      const Values<D> truth = read_truth(a.truth, row.result.map);
+      row.consistency = consistency(row.result.map, truth);
+      row.coverage = coverage(row.result.map, truth);
+    }
+    if (folder != nullptr) {
+      std::string file = contestant.label;
+      std::replace(file.begin(), file.end(), ':', '_');
+      write_map(folder->path() / (file + ".map"), row.result.map);
+    }
   }
   for (Row<D>& row : rows) {
     const Values<D>* const held = reference_of(row, rows, reference);
@@ -287,19 +255,60 @@ void compare_maps(const Arguments& a, const LocalMapSet<D>& set) {
   fmt::print("{}", text(rows, !a.truth.empty()));
 }
 
+template <int D>
+Subject<D> build_subject(const Arguments& a, RawLog<D> log) {
+  BuildOptions options = build_options(a.build, 1);
+  options.keep = Keep::kEndPose;
+  const BuiltMaps<D> built =
+      build_local_maps(log, segment(log, parse_segment_rule(a.segment)), options);
+  Subject<D> out;
+  for (const Map<D>& map : built.maps) out.maps.push_back(as_local_map(map));
+  fmt::print("local maps    {}, built in {:.3f} s of {} measurements, {} refused\n",
+             out.maps.size(), built.seconds, built.used.size(), built.refused.size());
+  out.log = std::move(log);
+  return out;
+}
+
+void compare_recording(const Arguments& a, OutputFolder* folder) {
+  parse_segment_rule(a.segment);
+  G2oOptions options;
+  options.session = a.csv.session;
+  options.skip_unknown = a.skip_unknown;
+  options.indefinite = information_policy(a.indefinite);
+  RawInput input = read_raw(a.source, options, a.csv);
+  for (const std::string& note : input.notes) fmt::print("note          {}\n", note);
+  std::visit(
+      [&]<int D>(RawLog<D>& log) { compare_methods(a, build_subject(a, std::move(log)), folder); },
+      input.log);
+}
+
+void compare_local_maps(const Arguments& a, OutputFolder* folder) {
+  if (input_format(a.source) != InputFormat::kLocalMaps)
+    throw InputError(
+        fmt::format("{} is no folder of local maps (localmap_1.txt, ...); a recording is cut into "
+                    "local maps by --segment, as in --segment maps:200",
+                    a.source));
+  LocalMapOptions options;
+  options.session = a.csv.session;
+  options.indefinite = information_policy(a.indefinite);
+  std::visit(
+      [&]<int D>(LocalMapSet<D>&& set) {
+        compare_methods(a, Subject<D>{std::move(set.maps), {}}, folder);
+      },
+      read_local_maps(a.source, options));
+}
+
 void compare(const Arguments& a) {
-  contestants(a.methods);  // are there such methods? Before anything takes long.
+  contestants(a);  // are there such methods? Before anything takes long.
   if (!a.json.empty()) OutputFiles::expect(a.json);
-  if (input_format(a.folder) != InputFormat::kLocalMaps)
-    throw InputError(fmt::format("{} is no folder of local maps (localmap_1.txt, ...)", a.folder));
   for (const std::string& path : {a.truth, a.reference}) {
     if (!path.empty()) input_format(path);  // is it there?
   }
-  LocalMapOptions options;
-  options.session = a.session;
-  options.indefinite = information_policy(a.indefinite);
-  std::visit([&]<int D>(const LocalMapSet<D>& set) { compare_maps(a, set); },
-             read_local_maps(a.folder, options));
+  std::optional<OutputFolder> folder;
+  if (!a.output.empty()) folder.emplace(a.output);
+  OutputFolder* const maps = folder ? &*folder : nullptr;
+  a.recording() ? compare_recording(a, maps) : compare_local_maps(a, maps);
+  if (folder) folder->commit();
 }
 
 }  // namespace
@@ -309,9 +318,20 @@ void add_compare(CLI::App& app) {
   Arguments& a = *arguments;
   CLI::App& command =
       *app.add_subcommand("compare", "Join local maps by several methods, side by side");
-  command.add_option("folder", a.folder, "A folder of localmap_K.txt")
-      ->type_name("FOLDER")
+  command
+      .add_option("source", a.source,
+                  "A folder of localmap_K.txt; or with --segment a recording: a g2o graph, or a "
+                  "folder of controls.csv and observations.csv")
+      ->type_name("FOLDER|RAW")
       ->required();
+  command
+      .add_option("--segment", a.segment,
+                  "Of a recording: when the next local map begins, as in maps:200; see 'mapjoin "
+                  "build --help'")
+      ->type_name("RULE");
+  add_build_arguments(command, a.build, "--local-anchor");
+  for (const char* option : {"--builder", "--local-anchor", "--robust"})
+    command.get_option(option)->needs("--segment");
   command.add_option("--methods", a.methods, "all, or names separated by commas; see below")
       ->capture_default_str();
   command
@@ -327,7 +347,14 @@ void add_compare(CLI::App& app) {
                   "Write the figures to this file as well, and more: seconds of every local map, "
                   "sizes and non-zeros of the information matrix")
       ->type_name("FILE");
-  command.add_option("--session", a.session, "Session of ids that are written without one")
+  command
+      .add_option("-o,--output", a.output,
+                  "Write every method's map into this folder, which is new or empty")
+      ->type_name("FOLDER");
+  add_log_arguments(command, a.csv);
+  command.add_flag("--skip-unknown", a.skip_unknown,
+                   "Count g2o records that are not understood instead of refusing the file");
+  command.add_option("--session", a.csv.session, "Session of ids that are written without one")
       ->type_name("N");
   add_indefinite_argument(command, a.indefinite);
   add_examples(command, kExamples);

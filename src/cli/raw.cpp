@@ -44,6 +44,19 @@ BuildOptions build_options(const BuildArguments& a, int threads) {
   return out;
 }
 
+void add_log_arguments(CLI::App& command, CsvLogOptions& options) {
+  const auto sigma = [&](const std::string& name, double& target, const std::string& help) {
+    command.add_option(name, target, help + " (logs)")->capture_default_str();
+  };
+  sigma("--duration", options.duration, "Of a control, s");
+  sigma("--sigma-speed", options.sigma_speed, "Standard deviation of the speed, m/s");
+  sigma("--sigma-sideways", options.sigma_sideways, "Of the speed sideways, which is 0, m/s");
+  sigma("--sigma-turn-rate", options.sigma_turn_rate, "Of the turn rate, rad/s");
+  sigma("--sigma-range", options.sigma_range, "Of a range, m");
+  sigma("--sigma-bearing", options.sigma_bearing, "Of a bearing, rad");
+  sigma("--nearest", options.nearest, "Leave out observations of a smaller range, m");
+}
+
 namespace {
 
 RawInput read_log(const std::string& path, const CsvLogOptions& options) {

@@ -26,6 +26,9 @@ struct BuildArguments {
 void add_build_arguments(CLI::App& command, BuildArguments& arguments, const std::string& anchor);
 BuildOptions build_options(const BuildArguments& arguments, int threads);
 
+/// What a folder of logs does not say: `--duration`, `--sigma-speed` and so on.
+void add_log_arguments(CLI::App& command, CsvLogOptions& options);
+
 using AnyLog = std::variant<RawLog<2>, RawLog<3>>;
 
 /// Raw measurements as read.

@@ -4,10 +4,13 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
+#include <cmath>
+
 #include "mapjoin/evaluation/chi_squared.h"
 #include "mapjoin/frames/align.h"
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/exact_gauge.h"
+#include "mapjoin/solvers/covariance.h"
 #include "mapjoin/solvers/sparse_cholesky.h"
 
 namespace mapjoin {
@@ -107,6 +110,28 @@ Consistency consistency(const Map<D>& given, const Values<D>& truth, double conf
 }
 
 template <int D>
+Coverage coverage(const Map<D>& map, const Values<D>& truth, double sigmas) {
+  const TrueError error = error_of(map, in_frame_of(map, truth));
+  std::vector<char> judged(static_cast<std::size_t>(error.e.size()), 0);
+  for (const int s : error.known) judged[static_cast<std::size_t>(s)] = 1;
+  if (map.anchor.kind != nullptr) {
+    for (const int s : anchor_rows(map.anchor, map.values).pinned)
+      judged[static_cast<std::size_t>(s)] = 0;
+  }
+  const CovarianceBlocks blocks = Covariance<D>(map).blocks();
+  Coverage out;
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    const int first = map.variables().offset(blocks.variables[k]);
+    for (int s = 0; s < blocks.dims[k]; ++s) {
+      if (!judged[static_cast<std::size_t>(first + s)]) continue;
+      ++out.count;
+      out.inside += std::abs(error.e(first + s)) <= sigmas * std::sqrt(blocks.block(k)(s, s));
+    }
+  }
+  return out;
+}
+
+template <int D>
 ConfidenceRegion<D> confidence_region(const Mat<D, D>& covariance, double confidence) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, D, D>> eigen(covariance);
   const double scale = chi_squared_quantile(confidence, D);
@@ -119,6 +144,7 @@ ConfidenceRegion<D> confidence_region(const Mat<D, D>& covariance, double confid
 
 #define MAPJOIN_INSTANTIATE(D)                                                  \
   template Consistency consistency<D>(const Map<D>&, const Values<D>&, double); \
+  template Coverage coverage<D>(const Map<D>&, const Values<D>&, double);       \
   template ConfidenceRegion<D> confidence_region<D>(const Mat<D, D>&, double);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

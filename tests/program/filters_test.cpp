@@ -118,6 +118,41 @@ TEST_F(Filters, AreComparedWithAReferenceAndTheTruth) {
   }
 }
 
+TEST_F(Filters, AreComparedOnOneRecordingWithEkfSlam) {
+  run({"simulate", "beacons", "--poses", "300", "--output", file("field")});
+  const std::string truth = file("field") + "/beacons_true.csv";
+  const std::string out = run({"compare", file("field"), "--segment", "maps:12", "--builder", "ekf",
+                               "--methods", "slsjf,slsjf:anew:4,ekf,ekf-slam", "--truth", truth,
+                               "--json", file("table.json"), "--output", file("found")});
+  EXPECT_THAT(out, HasSubstr("local maps    12"));
+  const nlohmann::json table = read_json(file("table.json"));
+  ASSERT_EQ(table.size(), 4U);
+  for (const auto& row : table) {
+    const std::string method = row["method"];
+    const bool whole_run = method == "ekf-slam";
+    EXPECT_FALSE(row.contains("failure")) << row;
+    EXPECT_EQ(row[whole_run ? "seconds_per_pose" : "seconds_per_map"].size(), whole_run ? 300 : 12);
+    EXPECT_LE(row["within_2_sigma"], 1.0);
+  }
+  // The same features in all; only the filters over local maps keep every end pose.
+  const double features = figure(run({"info", file("found") + "/ekf.map"}), "variables");
+  for (const std::string method : {"slsjf", "slsjf_anew_4", "ekf", "ekf-slam"}) {
+    const std::string map = run({"info", file("found") + "/" + method + ".map"});
+    EXPECT_EQ(figure(map, "variables"), features) << "points come first";
+    EXPECT_THAT(map, HasSubstr(method.starts_with("slsjf") ? "13 pose" : "2 pose"));
+  }
+}
+
+TEST_F(Filters, EkfSlamWantsARecording) {
+  const std::string maps = local_maps();
+  expect_refused({"compare", maps, "--methods", "ekf-slam"}, "ekf-slam filters a recording");
+  expect_refused({"compare", maps, "--builder", "ekf"}, "--segment");
+  expect_refused({"compare", maps, "--methods", "slsjf:anew:often"}, "slsjf:anew:50");
+  run({"simulate", "landmarks2d", "--poses", "40", "--output", file("world.g2o")});
+  expect_refused({"compare", file("world.g2o")}, "--segment");
+  expect_refused({"compare", file("world.g2o"), "--segment", "often"}, "often");
+}
+
 TEST_F(Filters, AreNotComparedOnNothing) {
   const std::string maps = local_maps();
   expect_refused({"compare", maps, "--methods", "slsjf,best"}, "there is no method 'best'");

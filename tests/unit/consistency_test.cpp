@@ -129,6 +129,7 @@ TYPED_TEST(ConsistencyOf, SolvedSimulatedWorldsAreConsistent) {
   constexpr int kRuns = 20;
   double all = 0.0, features = 0.0;
   int dimension = 0, feature_dimension = 0;
+  double within[3] = {};  // one, two, three standard deviations
   for (std::uint64_t run = 0; run < kRuns; ++run) {
     Dice dice(900 + run);
     const double sigma = 0.01;
@@ -164,7 +165,13 @@ TYPED_TEST(ConsistencyOf, SolvedSimulatedWorldsAreConsistent) {
       }
     }
     const Map<D> map = join_all(std::move(graph).build()).maps.at(0);
-    const Consistency a = consistency(map, std::move(truth).build());
+    const Values<D> everything = std::move(truth).build();
+    const Consistency a = consistency(map, everything);
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Coverage part = coverage(map, everything, static_cast<double>(k + 1));
+      EXPECT_EQ(part.count, a.dimension) << "all but what the frame pins";
+      within[k] += part.share() / kRuns;
+    }
     const Consistency b = consistency(map, std::move(beacons).build());
     all += a.nees;
     dimension += a.dimension;
@@ -173,6 +180,9 @@ TYPED_TEST(ConsistencyOf, SolvedSimulatedWorldsAreConsistent) {
   }
   EXPECT_EQ(dimension, kRuns * (14 * G + 8 * D));
   EXPECT_EQ(feature_dimension, kRuns * 8 * D);
+  EXPECT_NEAR(within[0], 0.683, 0.06);  // errors within a world are correlated
+  EXPECT_NEAR(within[1], 0.954, 0.04);
+  EXPECT_NEAR(within[2], 0.997, 0.03);
   EXPECT_GT(all, chi_squared_quantile(0.005, dimension));
   EXPECT_LT(all, chi_squared_quantile(0.995, dimension));
   EXPECT_GT(features, chi_squared_quantile(0.005, feature_dimension));

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mapjoin/evaluation/consistency.h"
+#include "mapjoin/evaluation/evaluate.h"
+#include "mapjoin/filtering/methods.h"
+
+namespace mapjoin::cli {
+
+/// A method and, of linear joining, its mode.
+struct Contestant {
+  std::string label;
+  Method method = Method::kLinear;
+  Mode mode = Mode::kOptimal;
+  FilterOptions filter = {};
+  bool whole_run = false;  ///< no joining at all: EKF SLAM over the recording
+};
+
+/// What became of one method.
+template <int D>
+struct Row {
+  Contestant contestant;
+  FilterResult<D> result;  ///< of a filter over a whole run: a fusion a pose
+  double seconds = 0.0;
+  std::int64_t memory = 0;
+  std::optional<Deviation> deviation;
+  std::optional<Consistency> consistency;
+  std::optional<Coverage> coverage;
+  std::string failure;  ///< what stopped it
+};
+
+/// The table that `compare` prints.
+template <int D>
+std::string text(const std::vector<Row<D>>& rows, bool with_truth);
+
+/// One row, with the seconds of every local map (or pose).
+template <int D>
+nlohmann::ordered_json json(const Row<D>& row);
+
+}  // namespace mapjoin::cli
