@@ -25,8 +25,10 @@ namespace mapjoin {
 template <int D>
 class EkfSlam {
  public:
-  /// \throws DisconnectedError when the recording's poses fall apart: a filter has one frame.
+  /// Refers to the recording as long as it lives. \throws DisconnectedError when the recording's
+  /// poses fall apart: a filter has one frame.
   explicit EkfSlam(const RawLog<D>& log);
+  explicit EkfSlam(RawLog<D>&&) = delete;
   ~EkfSlam();
   EkfSlam(EkfSlam&&) noexcept;
   EkfSlam& operator=(EkfSlam&&) noexcept;

@@ -18,6 +18,7 @@
 #include "mapjoin/cli/progress.h"
 #include "mapjoin/cli/raw.h"
 #include "mapjoin/cli/truth.h"
+#include "mapjoin/cli/watch.h"
 #include "mapjoin/evaluation/consistency.h"
 #include "mapjoin/evaluation/evaluate.h"
 #include "mapjoin/filtering/methods.h"
@@ -65,6 +66,7 @@ struct Arguments {
   std::string segment;
   std::string methods = "all";
   std::string output;
+  std::vector<std::string> watched;  ///< names of points
   std::string truth;
   std::string reference;
   std::string json;
@@ -144,13 +146,6 @@ std::int64_t peak_since() {
   }
   return peak_memory();
 }
-
-/// What there is to compare on.
-template <int D>
-struct Subject {
-  std::vector<LocalMap<D>> maps;
-  std::optional<RawLog<D>> log;  ///< the recording that they were built from
-};
 
 template <int D>
 FilterResult<D> filter_whole_run(const RawLog<D>& log, const ProgressCallback& progress) {
@@ -234,6 +229,9 @@ void compare_methods(const Arguments& a, const Subject<D>& subject, OutputFolder
       row.consistency = consistency(row.result.map, truth);
       row.coverage = coverage(row.result.map, truth);
     }
+    if (!a.watched.empty())
+      row.watched = watch(contestant.method, contestant.whole_run, contestant.filter, subject,
+                          std::span<const Key>(parse_keys(a.watched, row.result.map.variables())));
     if (folder != nullptr) {
       std::string file = contestant.label;
       std::replace(file.begin(), file.end(), ':', '_');
@@ -347,6 +345,13 @@ void add_compare(CLI::App& app) {
                   "Write the figures to this file as well, and more: seconds of every local map, "
                   "sizes and non-zeros of the information matrix")
       ->type_name("FILE");
+  command
+      .add_option("--watch", a.watched,
+                  "With --json: where these points are believed to be, and their standard "
+                  "deviations, after every local map (slsjf, dslam, ekf) or pose (ekf-slam)")
+      ->type_name("point:ID,...")
+      ->delimiter(',')
+      ->needs("--json");
   command
       .add_option("-o,--output", a.output,
                   "Write every method's map into this folder, which is new or empty")

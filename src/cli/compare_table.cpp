@@ -93,6 +93,15 @@ nlohmann::ordered_json json(const Row<D>& row) {
   nlohmann::ordered_json seconds = nlohmann::ordered_json::array();
   for (const Fusion& fusion : report.fusions) seconds.push_back(fusion.seconds());
   out[row.contestant.whole_run ? "seconds_per_pose" : "seconds_per_map"] = std::move(seconds);
+  for (const Watched<D>& watched : row.watched) {
+    auto& rows = out["watched"][to_string(watched.key)] = nlohmann::ordered_json::array();
+    for (const Sight<D>& sight : watched.sights) {
+      rows.push_back(nlohmann::ordered_json::array({sight.time}));
+      for (const Vec<D>& v : {sight.estimate, sight.sigma}) {
+        for (int s = 0; s < D; ++s) rows.back().push_back(v(s));
+      }
+    }
+  }
   if (!report.fusions.empty() && !row.contestant.whole_run) out["reordered"] = report.reordered();
   return out;
 }

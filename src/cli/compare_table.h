@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "mapjoin/cli/watch.h"
 #include "mapjoin/evaluation/consistency.h"
 #include "mapjoin/evaluation/evaluate.h"
 #include "mapjoin/filtering/methods.h"
@@ -31,6 +32,7 @@ struct Row {
   std::optional<Deviation> deviation;
   std::optional<Consistency> consistency;
   std::optional<Coverage> coverage;
+  std::vector<Watched<D>> watched;
   std::string failure;  ///< what stopped it
 };
 

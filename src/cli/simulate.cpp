@@ -30,6 +30,8 @@ Examples:
   mapjoin simulate manhattan --poses 3500 --seed 1 --output world.g2o --truth truth.g2o
   mapjoin simulate sphere --poses 2500 --sigma-rotation 0.1 --output hard.g2o
   mapjoin simulate beacons --poses 27924 --output field
+  mapjoin simulate beacons --beacons-a-side 14 --world-size 40 --sensor-range 5 --output square
+      The simulation of D-SLAM map joining.
   mapjoin simulate landmarks2d --poses 1000 --sensor-range 8 --visible-features 10 --output l.g2o
 
 The same options give the same world everywhere. Ids of features begin at 100000, or at the next
@@ -44,6 +46,8 @@ struct Arguments {
   std::string truth;
   SimulationOptions options;
   std::optional<double> edges_per_pose;
+  int beacons_a_side = 50;
+  bool sensor_range_given = false;  ///< worlds differ in their defaults
 };
 
 template <int D>
@@ -84,6 +88,9 @@ void simulate_beacons(const Arguments& a) {
   options.poses = a.options.poses;
   options.seed = a.options.seed;
   options.noise = a.options.noise;
+  options.beacons_a_side = a.beacons_a_side;
+  if (a.options.world_size > 0.0) options.spacing = a.options.world_size / a.beacons_a_side;
+  if (a.sensor_range_given) options.sensor_range = a.options.sensor_range;
   OutputFolder folder(a.output);
   const SimulatedLog world = simulate_log(options);
   write_csv_log(folder.path(), world);
@@ -131,8 +138,9 @@ void add_world_options(CLI::App& command, Arguments& a) {
   option("--world-size", o.world_size,
          "Side of the streets' square or corridors' cube, radius of "
          "the sphere, m; 0: every street is driven about twice, poses "
-         "on the sphere are 1 m apart");
-  option("--sensor-range", o.sensor_range, "Within which features are seen, m");
+         "on the sphere are 1 m apart; side of the field of beacons, 3 m a beacon");
+  option("--sensor-range", o.sensor_range, "Within which features are seen, m [beacons 6]");
+  option("--beacons-a-side", a.beacons_a_side, "Of the field of beacons: rows, and columns");
   option("--visible-features", o.visible_features, "In range of a pose on average");
   option("--max-observations", o.max_observations, "Of features from one pose");
 }
@@ -154,7 +162,10 @@ void add_simulate(CLI::App& app) {
       ->type_name("TRUTH.g2o");
   add_world_options(command, *arguments);
   add_examples(command, kExamples);
-  command.callback([arguments] { run_simulate(*arguments); });
+  command.callback([arguments, &command] {
+    arguments->sensor_range_given = command.get_option("--sensor-range")->count() > 0;
+    run_simulate(*arguments);
+  });
 }
 
 }  // namespace mapjoin::cli

@@ -121,9 +121,10 @@ TEST_F(Filters, AreComparedWithAReferenceAndTheTruth) {
 TEST_F(Filters, AreComparedOnOneRecordingWithEkfSlam) {
   run({"simulate", "beacons", "--poses", "300", "--output", file("field")});
   const std::string truth = file("field") + "/beacons_true.csv";
-  const std::string out = run({"compare", file("field"), "--segment", "maps:12", "--builder", "ekf",
-                               "--methods", "slsjf,slsjf:anew:4,ekf,ekf-slam", "--truth", truth,
-                               "--json", file("table.json"), "--output", file("found")});
+  const std::string out =
+      run({"compare", file("field"), "--segment", "maps:12", "--builder", "ekf", "--methods",
+           "slsjf,slsjf:anew:4,ekf,ekf-slam", "--truth", truth, "--json", file("table.json"),
+           "--output", file("found"), "--watch", "point:1,point:2"});
   EXPECT_THAT(out, HasSubstr("local maps    12"));
   const nlohmann::json table = read_json(file("table.json"));
   ASSERT_EQ(table.size(), 4U);
@@ -133,6 +134,11 @@ TEST_F(Filters, AreComparedOnOneRecordingWithEkfSlam) {
     EXPECT_FALSE(row.contains("failure")) << row;
     EXPECT_EQ(row[whole_run ? "seconds_per_pose" : "seconds_per_map"].size(), whole_run ? 300 : 12);
     EXPECT_LE(row["within_2_sigma"], 1.0);
+    ASSERT_EQ(row["watched"].size(), 2U);
+    for (const auto& [point, sights] : row["watched"].items()) {
+      EXPECT_EQ(sights.back()[0], 299) << "known until the last pose: " << point;
+      EXPECT_LE(sights.back()[3], sights.front()[3]) << "a bound shrinks: " << row;
+    }
   }
   // The same features in all; only the filters over local maps keep every end pose.
   const double features = figure(run({"info", file("found") + "/ekf.map"}), "variables");
