@@ -5,9 +5,9 @@
 #include <span>
 #include <vector>
 
-#include "mapjoin/building/growing_covariance.h"
 #include "mapjoin/building/local_problem.h"
 #include "mapjoin/graph/map.h"
+#include "mapjoin/solvers/growing_covariance.h"
 
 namespace mapjoin {
 

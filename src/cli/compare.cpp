@@ -1,22 +1,21 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <string_view>
 #include <utility>
 
-#include "mapjoin/building/ekf_slam.h"
 #include "mapjoin/cli/arguments.h"
 #include "mapjoin/cli/commands.h"
 #include "mapjoin/cli/compare_table.h"
+#include "mapjoin/cli/contest.h"
 #include "mapjoin/cli/input.h"
+#include "mapjoin/cli/join_command.h"
 #include "mapjoin/cli/output.h"
 #include "mapjoin/cli/progress.h"
 #include "mapjoin/cli/raw.h"
+#include "mapjoin/cli/sequence.h"
 #include "mapjoin/cli/truth.h"
 #include "mapjoin/cli/watch.h"
 #include "mapjoin/evaluation/consistency.h"
@@ -25,7 +24,6 @@
 #include "mapjoin/frames/local_map.h"
 #include "mapjoin/io/local_maps.h"
 #include "mapjoin/io/native_map.h"
-#include "mapjoin/joining/memory_limit.h"
 
 namespace mapjoin::cli {
 
@@ -59,12 +57,11 @@ Examples:
       From one recording; every method's map is written to park_maps/METHOD.map.
 )";
 
-constexpr const char* kWholeRun = "ekf-slam";
-
 struct Arguments {
   std::string source;  ///< local maps, or a recording
   std::string segment;
   std::string methods = "all";
+  std::string associate = "given";
   std::string output;
   std::vector<std::string> watched;  ///< names of points
   std::string truth;
@@ -78,116 +75,9 @@ struct Arguments {
   bool recording() const { return !segment.empty(); }
 };
 
-constexpr std::pair<const char*, Mode> kLinearModes[] = {{"linear:paper", Mode::kPaper},
-                                                         {"linear:summary", Mode::kSummary},
-                                                         {"linear:observe", Mode::kObserve},
-                                                         {"linear:optimal", Mode::kOptimal}};
-
-/// \throws InputError when there is no such method.
-Contestant contestant(const std::string& word) {
-  for (const auto& [label, mode] : kLinearModes) {
-    if (word == label) return {word, Method::kLinear, mode, {}};
-  }
-  if (word == "slsjf:amd") {
-    FilterOptions filter;
-    filter.ordering = FilterOrdering::kMinimumDegree;
-    return {word, Method::kSlsjf, Mode::kOptimal, filter};
-  }
-  if (word == "slsjf:whole") {
-    FilterOptions filter;
-    filter.incremental = false;
-    return {word, Method::kSlsjf, Mode::kOptimal, filter};
-  }
-  constexpr std::string_view kAnew = "slsjf:anew:";
-  if (word.starts_with(kAnew)) {
-    FilterOptions filter;
-    const char* const end = word.data() + word.size();
-    const auto read = std::from_chars(word.data() + kAnew.size(), end, filter.relinearise_every);
-    if (read.ec != std::errc() || read.ptr != end || filter.relinearise_every < 1)
-      throw InputError(fmt::format("'{}': after how many local maps? As in slsjf:anew:50", word));
-    return {word, Method::kSlsjf, Mode::kOptimal, filter};
-  }
-  if (word == kWholeRun) return {word, Method::kEkf, Mode::kOptimal, {}, true};
-  return {word, parse_method(word), Mode::kOptimal, {}};
-}
-
-std::vector<Contestant> contestants(const Arguments& a) {
-  std::vector<Contestant> out;
-  const std::string& list = a.methods;
-  if (list == "all") {
-    for (const auto& linear : kLinearModes) out.push_back(contestant(linear.first));
-    for (const Method method : kMethods) {
-      if (method != Method::kLinear) out.push_back(contestant(std::string(name(method))));
-    }
-    if (a.recording()) out.push_back(contestant(kWholeRun));
-    return out;
-  }
-  std::size_t at = 0;
-  while (at <= list.size()) {
-    const std::size_t end = std::min(list.find(',', at), list.size());
-    out.push_back(contestant(list.substr(at, end - at)));
-    if (out.back().whole_run && !a.recording())
-      throw InputError(
-          "ekf-slam filters a recording, and local maps are none: give the recording and --segment "
-          "instead of the folder of local maps");
-    at = end + 1;
-  }
-  return out;
-}
-
-/// Bytes that the process holds at most from now on, where the system can tell.
-void forget_peak() { std::ofstream("/proc/self/clear_refs") << "5"; }
-std::int64_t peak_since() {
-  std::ifstream in("/proc/self/status");
-  std::string word;
-  while (in >> word) {
-    std::int64_t kilobytes = 0;
-    if (word == "VmHWM:" && in >> kilobytes) return kilobytes * 1024;
-  }
-  return peak_memory();
-}
-
-template <int D>
-FilterResult<D> filter_whole_run(const RawLog<D>& log, const ProgressCallback& progress) {
-  SlamResult<D> slam = ekf_slam(log, progress);
-  FilterResult<D> out;
-  out.map = std::move(slam.map);
-  for (const double seconds : slam.seconds) {
-    Fusion fusion;
-    fusion.seconds_factor = seconds;
-    out.report.fusions.push_back(fusion);
-  }
-  out.report.scalars = out.map.variables().scalars() - kGauge<D>;
-  out.report.nonzeros = static_cast<std::int64_t>(out.report.scalars) * out.report.scalars;
-  return out;
-}
-
-template <int D>
-Row<D> run_one(const Contestant& contestant, const Subject<D>& subject) {
-  Row<D> row;
-  row.contestant = contestant;
-  MethodOptions options;
-  options.join.mode = contestant.mode;
-  options.filter = contestant.filter;
-  options.join.tree = contestant.mode == Mode::kPaper ? TreeShape::kOrder : TreeShape::kGraph;
-  ProgressBar bar;
-  options.join.progress = bar.callback();
-  forget_peak();
-  const std::int64_t before = resident_memory();
-  const Stopwatch clock;
-  try {
-    row.result =
-        contestant.whole_run
-            ? filter_whole_run(*subject.log, options.join.progress)
-            : join_by(contestant.method, std::span<const LocalMap<D>>(subject.maps), options);
-  } catch (const CancelledError&) {
-    throw;
-  } catch (const Error& error) {  // a method that cannot join these maps says so in its row
-    row.failure = error.what();
-  }
-  row.seconds = clock.seconds();
-  row.memory = std::max<std::int64_t>(0, peak_since() - before);
-  return row;
+std::optional<AssociationOptions> association_of(const Arguments& a) {
+  if (a.associate == "given") return std::nullopt;
+  return association_options(a.associate);
 }
 
 bool features_alone(Method method) { return method == Method::kDslam || method == Method::kIdslam; }
@@ -212,8 +102,8 @@ void compare_methods(const Arguments& a, const Subject<D>& subject, OutputFolder
   const Interruptible interruptible;
   std::optional<Values<D>> reference;
   std::vector<Row<D>> rows;
-  for (const Contestant& contestant : contestants(a)) {
-    rows.push_back(run_one<D>(contestant, subject));
+  for (const Contestant& contestant : contestants(a.methods, a.recording())) {
+    rows.push_back(run_one<D>(contestant, subject, association_of(a)));
     Row<D>& row = rows.back();
     if (!row.failure.empty()) continue;
     if (!a.reference.empty() && !reference) {
@@ -250,7 +140,7 @@ void compare_methods(const Arguments& a, const Subject<D>& subject, OutputFolder
     files.write_text(a.json, all.dump(2) + "\n");
     files.commit();
   }
-  fmt::print("{}", text(rows, !a.truth.empty()));
+  fmt::print("{}", text(rows, !a.truth.empty(), a.associate != "given"));
 }
 
 template <int D>
@@ -293,11 +183,11 @@ void compare_local_maps(const Arguments& a, OutputFolder* folder) {
       [&]<int D>(LocalMapSet<D>&& set) {
         compare_methods(a, Subject<D>{std::move(set.maps), {}}, folder);
       },
-      read_local_maps(a.source, options));
+      read_sequence(a.source, options));
 }
 
 void compare(const Arguments& a) {
-  contestants(a);  // are there such methods? Before anything takes long.
+  contestants(a.methods, a.recording());  // are there such methods? Before anything takes long.
   if (!a.json.empty()) OutputFiles::expect(a.json);
   for (const std::string& path : {a.truth, a.reference}) {
     if (!path.empty()) input_format(path);  // is it there?
@@ -318,7 +208,8 @@ void add_compare(CLI::App& app) {
       *app.add_subcommand("compare", "Join local maps by several methods, side by side");
   command
       .add_option("source", a.source,
-                  "A folder of localmap_K.txt; or with --segment a recording: a g2o graph, or a "
+                  "A folder of localmap_K.txt, .mat or .map; or with --segment a recording: a g2o "
+                  "graph, or a "
                   "folder of controls.csv and observations.csv")
       ->type_name("FOLDER|RAW")
       ->required();
@@ -331,6 +222,13 @@ void add_compare(CLI::App& app) {
   for (const char* option : {"--builder", "--local-anchor", "--robust"})
     command.get_option(option)->needs("--segment");
   command.add_option("--methods", a.methods, "all, or names separated by commas; see below")
+      ->capture_default_str();
+  command
+      .add_option(
+          "--associate", a.associate,
+          "Which features are the same: as they are numbered (given), or found as the local "
+          "maps arrive, by nn, gnn or jcbb (slsjf and ekf); see 'mapjoin join --help'")
+      ->check(CLI::IsMember({"given", "nn", "gnn", "jcbb"}))
       ->capture_default_str();
   command
       .add_option(

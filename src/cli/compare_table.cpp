@@ -12,19 +12,24 @@ std::string cell(bool there, double value, int digits) {
   return there ? fmt::format("{:.{}f}", value, digits) : std::string("-");
 }
 
+double part(std::int64_t some, std::int64_t all) {
+  return static_cast<double>(some) / static_cast<double>(all);
+}
+
 /// "chi2" of what is measured from poses needs the poses.
 template <int D>
 bool has_chi2(const Row<D>& row) {
-  return row.failure.empty() && row.contestant.method != Method::kEkf;
+  return row.failure.empty() && row.contestant.method != Method::kEkf && !row.matches;
 }
 
 }  // namespace
 
 template <int D>
-std::string text(const std::vector<Row<D>>& rows, bool with_truth) {
+std::string text(const std::vector<Row<D>>& rows, bool with_truth, bool associated) {
   std::string out =
       fmt::format("{:<15}{:>14}{:>10}{:>10}{:>10}", "method", "chi2", "poses", "features", "fit");
   if (with_truth) out += fmt::format("{:>12}{:>20}{:>9}", "NEES", "95% between", "2 sigma");
+  if (associated) out += fmt::format("{:>10}{:>9}{:>9}", "precision", "recall", "assoc");
   out += fmt::format("{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}\n", "add", "order", "factor", "recover",
                      "refine", "seconds", "MiB");
   for (const Row<D>& row : rows) {
@@ -47,6 +52,12 @@ std::string text(const std::vector<Row<D>>& rows, bool with_truth) {
           "{:>9}", cell(row.coverage.has_value(), row.coverage.value_or(Coverage()).share(), 3));
     }
     const Fusion sum = report.total();
+    if (associated) {
+      const MatchScore m = row.matches.value_or(MatchScore());
+      out += fmt::format("{:>10}{:>9}{:>9.3f}", cell(m.matches > 0, part(m.right, m.matches), 4),
+                         cell(m.seen_before > 0, part(m.right, m.seen_before), 4),
+                         sum.seconds_associate);
+    }
     out += fmt::format("{:>9.3f}{:>9.3f}{:>9.3f}{:>9.3f}{:>9.3f}{:>9.3f}{:>9.1f}\n",
                        sum.seconds_update, sum.seconds_order, sum.seconds_factor,
                        sum.seconds_recover, report.seconds_refine, row.seconds,
@@ -84,6 +95,12 @@ nlohmann::ordered_json json(const Row<D>& row) {
                             {"factor", sum.seconds_factor},
                             {"recover", sum.seconds_recover},
                             {"refine", report.seconds_refine}};
+  if (row.matches) {
+    out["seconds_by_step"]["associate"] = sum.seconds_associate;
+    out["matches"] = row.matches->matches;
+    out["right_matches"] = row.matches->right;
+    out["seen_before"] = row.matches->seen_before;
+  }
   out["memory_bytes"] = row.memory;
   out["scalars"] = report.scalars;
   if (report.nonzeros > 0) out["information_nonzeros"] = report.nonzeros;
@@ -106,8 +123,8 @@ nlohmann::ordered_json json(const Row<D>& row) {
   return out;
 }
 
-template std::string text<2>(const std::vector<Row<2>>&, bool);
-template std::string text<3>(const std::vector<Row<3>>&, bool);
+template std::string text<2>(const std::vector<Row<2>>&, bool, bool);
+template std::string text<3>(const std::vector<Row<3>>&, bool, bool);
 template nlohmann::ordered_json json<2>(const Row<2>&);
 template nlohmann::ordered_json json<3>(const Row<3>&);
 

@@ -22,6 +22,13 @@ struct Contestant {
   bool whole_run = false;  ///< no joining at all: EKF SLAM over the recording
 };
 
+/// What data association in a stream found, judged by the numbers of features.
+struct MatchScore {
+  std::int64_t matches = 0;
+  std::int64_t right = 0;
+  std::int64_t seen_before = 0;  ///< sightings of features that an earlier local map had
+};
+
 /// What became of one method.
 template <int D>
 struct Row {
@@ -32,13 +39,14 @@ struct Row {
   std::optional<Deviation> deviation;
   std::optional<Consistency> consistency;
   std::optional<Coverage> coverage;
+  std::optional<MatchScore> matches;
   std::vector<Watched<D>> watched;
   std::string failure;  ///< what stopped it
 };
 
 /// The table that `compare` prints.
 template <int D>
-std::string text(const std::vector<Row<D>>& rows, bool with_truth);
+std::string text(const std::vector<Row<D>>& rows, bool with_truth, bool associated);
 
 /// One row, with the seconds of every local map (or pose).
 template <int D>

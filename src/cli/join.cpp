@@ -9,8 +9,8 @@
 #include "mapjoin/cli/join_command.h"
 #include "mapjoin/cli/progress.h"
 #include "mapjoin/cli/run.h"
+#include "mapjoin/cli/sequence.h"
 #include "mapjoin/filtering/methods.h"
-#include "mapjoin/io/local_map_files.h"
 #include "mapjoin/io/native_map.h"
 #include "mapjoin/joining/join_all.h"
 
@@ -112,24 +112,15 @@ void expect_linear_only(const CLI::App& command, const JoinCommand& a) {
   }
 }
 
-/// The localmap_K.map of a folder, in order of K, where there are any.
-std::vector<std::string> native_maps_in(const std::string& folder) {
-  std::vector<std::string> out;
-  for (const detail::LocalMapFile& file : detail::local_map_files(folder, ".map"))
-    out.push_back(file.path.string());
-  return out;
-}
-
-bool has_text_maps(const std::string& folder) { return !detail::local_map_files(folder).empty(); }
-
 void join(const JoinCommand& given) {
   JoinCommand a = given;
   expect_outputs(a.join);
-  // What only sequences of local maps can have done to them takes a folder's text files, if any.
+  // A folder is a sequence of local maps; where nothing asks for that, its native maps are joined
+  // as finished maps are, with all that they carry.
   const bool as_sequence =
       a.features_only || a.check_matches || a.associate != "given" || a.join.method != "linear";
   if (a.inputs.size() == 1 && input_format(a.inputs[0]) == InputFormat::kLocalMaps &&
-      !(as_sequence && has_text_maps(a.inputs[0]))) {
+      !as_sequence) {
     const std::vector<std::string> maps = native_maps_in(a.inputs[0]);
     if (!maps.empty()) a.inputs = maps;
   }

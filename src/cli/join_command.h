@@ -22,7 +22,8 @@ struct JoinCommand {
   JoinArguments join;
 };
 
-/// How to associate, in the library's terms.
+/// How to associate, in the library's terms, by "nn", "gnn" or "jcbb".
+AssociationOptions association_options(const std::string& matcher);
 AssociationOptions association_options(const JoinCommand& a);
 
 /// Joins the local maps of a folder.

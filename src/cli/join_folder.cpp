@@ -5,6 +5,7 @@
 #include "mapjoin/cli/join_command.h"
 #include "mapjoin/cli/progress.h"
 #include "mapjoin/cli/run.h"
+#include "mapjoin/cli/sequence.h"
 #include "mapjoin/filtering/methods.h"
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/io/local_maps.h"
@@ -13,10 +14,15 @@
 
 namespace mapjoin::cli {
 
-AssociationOptions association_options(const JoinCommand& a) {
+AssociationOptions association_options(const std::string& matcher) {
   AssociationOptions options;
-  if (a.associate == "nn") options.matcher = Matcher::kNearest;
-  if (a.associate == "gnn") options.matcher = Matcher::kGlobal;
+  if (matcher == "nn") options.matcher = Matcher::kNearest;
+  if (matcher == "gnn") options.matcher = Matcher::kGlobal;
+  return options;
+}
+
+AssociationOptions association_options(const JoinCommand& a) {
+  AssociationOptions options = association_options(a.associate);
   options.candidates.gate = options.joint.gate = a.gate;
   options.odds = a.odds;
   return options;
@@ -145,7 +151,7 @@ void join_local_maps(const JoinCommand& a) {
   LocalMapOptions options;
   options.session = a.join.session;
   options.indefinite = information_policy(a.join.indefinite);
-  AnyLocalMapSet any = read_local_maps(a.inputs[0], options);
+  AnyLocalMapSet any = read_sequence(a.inputs[0], options);
   std::visit(
       [&]<int D>(LocalMapSet<D>& set) {
         Job job{a.join, reading.seconds(), static_cast<std::int64_t>(set.maps.size()), {}, true,

@@ -47,6 +47,7 @@ struct Arguments {
   SimulationOptions options;
   std::optional<double> edges_per_pose;
   int beacons_a_side = 50;
+  double speed = 1.0;
   bool sensor_range_given = false;  ///< worlds differ in their defaults
 };
 
@@ -89,6 +90,7 @@ void simulate_beacons(const Arguments& a) {
   options.seed = a.options.seed;
   options.noise = a.options.noise;
   options.beacons_a_side = a.beacons_a_side;
+  options.speed = a.speed;
   if (a.options.world_size > 0.0) options.spacing = a.options.world_size / a.beacons_a_side;
   if (a.sensor_range_given) options.sensor_range = a.options.sensor_range;
   OutputFolder folder(a.output);
@@ -140,6 +142,7 @@ void add_world_options(CLI::App& command, Arguments& a) {
          "the sphere, m; 0: every street is driven about twice, poses "
          "on the sphere are 1 m apart; side of the field of beacons, 3 m a beacon");
   option("--sensor-range", o.sensor_range, "Within which features are seen, m [beacons 6]");
+  option("--speed", a.speed, "Of the vehicle among the beacons, m/s; a pose is 0.3 s");
   option("--beacons-a-side", a.beacons_a_side, "Of the field of beacons: rows, and columns");
   option("--visible-features", o.visible_features, "In range of a pose on average");
   option("--max-observations", o.max_observations, "Of features from one pose");

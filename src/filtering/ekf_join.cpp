@@ -53,31 +53,12 @@ Values<D> without(const Values<D>& values, const Key& dropped) {
 
 }  // namespace
 
-/// The state and a local map written in the same frame, side by side, with their joint covariance.
+/// A local map beside the state and written in its frame.
 template <int D>
-struct EkfJoin<D>::Augmented {
-  Values<D> state, local;
-  Eigen::MatrixXd P;  ///< the lower triangle counts
-
-  int row_of_local(int i) const {
-    return state.variables().scalars() + local.variables().offset(i);
-  }
-  /// P after x [+] d, whose base is what P was about: tangents there.
-  void move(Values<D>& x, Eigen::Index first, const Eigen::VectorXd& d) {
-    const Values<D> before = x;
-    x.retract({d.data() + first, at(x.variables().scalars())});
-    for (int i = 0; i < x.size(); ++i) {
-      const VariableKind<D>& kind = x.variables().kind(i);
-      Eigen::MatrixXd S(kind.dim, kind.dim);
-      kind.local_jacobian(before.value(i), x.value(i), 1, S.data());
-      if (S.isIdentity(0.0)) continue;
-      const Eigen::PartialPivLU<Eigen::MatrixXd> turn(S);
-      const Eigen::Index row = first + x.variables().offset(i);
-      P.middleRows(row, kind.dim) = turn.solve(P.middleRows(row, kind.dim)).eval();
-      P.middleCols(row, kind.dim) =
-          turn.solve(P.middleCols(row, kind.dim).transpose()).transpose().eval();
-    }
-  }
+struct EkfJoin<D>::Beside {
+  Values<D> values;
+  std::vector<int> rows;  ///< of each variable in P
+  std::vector<int> twin;  ///< the same variable in the state, -1 where it is new
 };
 
 template <int D>
@@ -96,7 +77,7 @@ Fusion EkfJoin<D>::fuse(const LocalMap<D>& local_map) {
   if (fused_ == 0) {
     anchor_ = local.anchor;
     estimate_ = without(local.values, begin);
-    P_ = P_local;
+    rows_ = enter(estimate_.variables(), Eigen::MatrixXd(), P_local);
     fusion.seconds_update = seconds_since(start);
     fusion.scalars = scalars();
     ++fused_;
@@ -109,22 +90,23 @@ Fusion EkfJoin<D>::fuse(const LocalMap<D>& local_map) {
         "filter keeps no other pose",
         to_string(begin)));
 
-  Augmented both{estimate_, without(local.values, begin), {}};
+  Beside beside{without(local.values, begin), {}, {}};
+  Values<D>& added = beside.values;
+  const VariableSet<D>& variables = added.variables();
+  beside.twin = numbers_in(variables, estimate_.variables());
   const Rigid<D> T = estimate_.pose(begin);
-  const int n = estimate_.variables().scalars(), m = both.local.variables().scalars();
-  const int pose = estimate_.variables().offset(*last);
-  Eigen::MatrixXd J(m, kGauge<D>);  // by the last pose
+  Eigen::MatrixXd J(variables.scalars(), kGauge<D>);  // by the last pose
   Eigen::MatrixXd turned = P_local;
   // What the state has is linearised where the state has it, as any observation is; what is new,
   // where it was measured.
   const Rigid<D> back = T.inverse();
-  const std::vector<int> twin = numbers_in(both.local.variables(), estimate_.variables());
-  for (int i = 0; i < both.local.size(); ++i) {
-    const VariableKind<D>& kind = both.local.variables().kind(i);
-    const int row = both.local.variables().offset(i);
-    const double* const seen = twin[at(i)] < 0 ? both.local.value(i) : estimate_.value(twin[at(i)]);
+  for (int i = 0; i < added.size(); ++i) {
+    const VariableKind<D>& kind = variables.kind(i);
+    const int row = variables.offset(i);
+    const int twin = beside.twin[at(i)];
+    const double* const seen = twin < 0 ? added.value(i) : estimate_.value(twin);
     std::vector<double> x(seen, seen + kind.value_size);
-    if (twin[at(i)] >= 0) kind.transform(back, x.data(), 1);
+    if (twin >= 0) kind.transform(back, x.data(), 1);
     const Eigen::MatrixXd turn = frame_jacobian(kind, T, x.data());
     Eigen::MatrixXd g(kind.dim, kGauge<D>);
     kind.gauge(x.data(), 1, g.data());
@@ -132,100 +114,137 @@ Fusion EkfJoin<D>::fuse(const LocalMap<D>& local_map) {
     turned.middleRows(row, kind.dim) = (turn * turned.middleRows(row, kind.dim)).eval();
     turned.middleCols(row, kind.dim) = (turned.middleCols(row, kind.dim) * turn.transpose()).eval();
   }
-  both.local.transform(T);
-  both.P.resize(n + m, n + m);
-  both.P.topLeftCorner(n, n) = P_;
-  both.P.bottomLeftCorner(m, n) = J * P_.middleRows(pose, kGauge<D>);
-  both.P.topRightCorner(n, m) = both.P.bottomLeftCorner(m, n).transpose();
-  both.P.bottomRightCorner(m, m) =
-      turned + J * P_.block(pose, pose, kGauge<D>, kGauge<D>) * J.transpose();
+  added.transform(T);
+  const Eigen::MatrixXd of_pose = P_.columns(rows_[at(*last)], kGauge<D>);
+  turned += J * of_pose.middleRows(rows_[at(*last)], kGauge<D>) * J.transpose();
+  beside.rows = enter(variables, of_pose * J.transpose(), turned);
   fusion.seconds_update = seconds_since(start);
 
   const auto updating = Clock::now();
-  update(both);
-  keep(both);
+  update(beside);
+  keep(beside);
   fusion.seconds_factor = seconds_since(updating);
   fusion.scalars = scalars();
   ++fused_;
   return fusion;
 }
 
+/// Rows for variables whose joint covariance is `own`, and with the state so far `cross`.
+template <int D>
+std::vector<int> EkfJoin<D>::enter(const VariableSet<D>& variables, const Eigen::MatrixXd& cross,
+                                   const Eigen::MatrixXd& own) {
+  std::vector<int> rows;
+  for (int i = 0; i < variables.size(); ++i) rows.push_back(P_.add(variables.dim(i)));
+  for (int i = 0; i < variables.size(); ++i) {
+    Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(P_.size(), variables.dim(i));
+    columns.topRows(cross.rows()) =
+        cross.middleCols(variables.offset(i), cross.size() > 0 ? variables.dim(i) : 0);
+    for (int j = 0; j < variables.size(); ++j)
+      columns.middleRows(rows[at(j)], variables.dim(j)) =
+          own.block(variables.offset(j), variables.offset(i), variables.dim(j), variables.dim(i));
+    P_.set_columns(rows[at(i)], columns);
+  }
+  return rows;
+}
+
 /// The Kalman update by what is there twice: x_state - x_local = 0, without noise.
 template <int D>
-void EkfJoin<D>::update(Augmented& both) const {
-  const std::vector<int> twin = numbers_in(both.local.variables(), both.state.variables());
-  std::vector<std::pair<int, int>> common;  // numbers in the state and in the local map
+void EkfJoin<D>::update(Beside& beside) {
+  const VariableSet<D>& variables = beside.values.variables();
   int rows = 0;
-  for (int i = 0; i < both.local.size(); ++i) {
-    if (twin[at(i)] < 0) continue;
-    common.emplace_back(twin[at(i)], i);
-    rows += both.local.variables().dim(i);
-  }
+  for (int i = 0; i < variables.size(); ++i) rows += beside.twin[at(i)] < 0 ? 0 : variables.dim(i);
   if (rows == 0) return;
-  const Eigen::Index total = both.P.rows();
-  Eigen::MatrixXd PC(total, rows);  // P C^T
-  Eigen::VectorXd r(rows);
-  Eigen::Index row = 0;
-  std::vector<Eigen::MatrixXd> S;
-  for (const auto& [i, j] : common) {
-    const VariableKind<D>& kind = both.local.variables().kind(j);
-    S.emplace_back(kind.dim, kind.dim);
-    kind.local_jacobian(both.local.value(j), both.state.value(i), 1, S.back().data());
-    kind.local(both.local.value(j), both.state.value(i), 1, r.data() + row);
-    PC.middleCols(row, kind.dim) =
-        both.P.middleCols(both.state.variables().offset(i), kind.dim) * S.back().transpose() -
-        both.P.middleCols(both.row_of_local(j), kind.dim);
-    row += kind.dim;
-  }
+  Eigen::MatrixXd PC(P_.size(), rows);  // P C^T
   Eigen::MatrixXd CPC(rows, rows);
-  row = 0;
-  for (std::size_t k = 0; k < common.size(); ++k) {
-    const Eigen::Index dim = S[k].rows();
+  Eigen::MatrixXd r(rows, 1);
+  const auto for_common = [&](const auto& visit) {
+    int row = 0;
+    for (int i = 0; i < variables.size(); ++i) {
+      const int twin = beside.twin[at(i)];
+      if (twin < 0) continue;
+      const VariableKind<D>& kind = variables.kind(i);
+      Eigen::MatrixXd S(kind.dim, kind.dim);
+      kind.local_jacobian(beside.values.value(i), estimate_.value(twin), 1, S.data());
+      visit(i, twin, row, S);
+      row += kind.dim;
+    }
+  };
+  for_common([&](int i, int twin, int row, const Eigen::MatrixXd& S) {
+    const int dim = variables.dim(i);
+    variables.kind(i).local(beside.values.value(i), estimate_.value(twin), 1, r.data() + row);
+    PC.middleCols(row, dim) =
+        P_.columns(rows_[at(twin)], dim) * S.transpose() - P_.columns(beside.rows[at(i)], dim);
+  });
+  for_common([&](int i, int twin, int row, const Eigen::MatrixXd& S) {
+    const int dim = variables.dim(i);
     CPC.middleRows(row, dim) =
-        S[k] * PC.middleRows(both.state.variables().offset(common[k].first), dim) -
-        PC.middleRows(both.row_of_local(common[k].second), dim);
-    row += dim;
-  }
-  if (factor_lower(CPC) >= 0)
+        S * PC.middleRows(rows_[at(twin)], dim) - PC.middleRows(beside.rows[at(i)], dim);
+  });
+  if (factor_lower(CPC) >= 0) {
+    for (int i = 0; i < variables.size(); ++i) P_.remove(beside.rows[at(i)], variables.dim(i));
     throw SingularError(
         "the state and the local map both claim to know a common feature exactly; a "
         "Kalman filter cannot make them equal");
+  }
   solve_lower_right(CPC, PC);  // P C^T L^-T
-  Eigen::MatrixXd innovation = -r;
-  solve_lower_left(CPC, innovation);
-  const Eigen::VectorXd d = PC * innovation;
-  add_square(-1.0, PC, both.P);
-  both.P.template triangularView<Eigen::StrictlyUpper>() = both.P.transpose();
-  both.move(both.state, 0, d);
-  both.move(both.local, both.state.variables().scalars(), d);
+  solve_lower_left(CPC, r);
+  P_.subtract_square(PC);
+  const Eigen::VectorXd d = -(PC * r);
+  move(estimate_, rows_, d);
+  move(beside.values, beside.rows, d);
+}
+
+/// x [+] d, and P, which was about its base, in the tangents there.
+template <int D>
+void EkfJoin<D>::move(Values<D>& x, const std::vector<int>& rows, const Eigen::VectorXd& d) {
+  const Values<D> before = x;
+  std::vector<double> step;
+  for (int i = 0; i < x.size(); ++i) {
+    const double* const first = d.data() + rows[at(i)];
+    step.insert(step.end(), first, first + x.variables().dim(i));
+  }
+  x.retract(step);
+  for (int i = 0; i < x.size(); ++i) {
+    const VariableKind<D>& kind = x.variables().kind(i);
+    Eigen::MatrixXd S(kind.dim, kind.dim);
+    kind.local_jacobian(before.value(i), x.value(i), 1, S.data());
+    if (S.isIdentity(0.0)) continue;
+    const Eigen::MatrixXd turn = S.inverse();
+    Eigen::MatrixXd columns = P_.columns(rows[at(i)], kind.dim) * turn.transpose();
+    columns.middleRows(rows[at(i)], kind.dim) =
+        (turn * columns.middleRows(rows[at(i)], kind.dim)).eval();
+    P_.set_columns(rows[at(i)], columns);
+  }
 }
 
 /// The features of both, once, and the poses of the local map.
 template <int D>
-void EkfJoin<D>::keep(const Augmented& both) {
+void EkfJoin<D>::keep(const Beside& beside) {
   std::vector<int> features;
-  for (int i = 0; i < both.state.size(); ++i) {
-    if (both.state.variables().key(i).type != Tag("pose")) features.push_back(i);
+  for (int i = 0; i < estimate_.size(); ++i) {
+    if (estimate_.variables().key(i).type != Tag("pose")) features.push_back(i);
   }
-  const VariableSet<D> kept = subset(both.state.variables(), features);
-  const VariableSet<D>* const sets[] = {&kept, &both.local.variables()};
+  const VariableSet<D> kept = subset(estimate_.variables(), features);
+  const VariableSet<D>* const sets[] = {&kept, &beside.values.variables()};
   Values<D> out{unite<D>(sets)};
   const VariableSet<D>& all = out.variables();
-  const std::vector<int> in_state = numbers_in(all, both.state.variables());
-  const std::vector<int> in_local = numbers_in(all, both.local.variables());
-  std::vector<int> rows;
+  const std::vector<int> in_state = numbers_in(all, estimate_.variables());
+  const std::vector<int> in_local = numbers_in(all, beside.values.variables());
+  std::vector<int> rows(at(all.size()));
+  std::vector<char> stays(at(estimate_.size()), 0);
   for (int i = 0; i < all.size(); ++i) {
-    const VariableKind<D>& kind = all.kind(i);
-    const bool from_state = in_state[at(i)] >= 0;
-    const double* const x =
-        from_state ? both.state.value(in_state[at(i)]) : both.local.value(in_local[at(i)]);
-    std::memcpy(out.value(i), x, at(kind.value_size) * sizeof(double));
-    const int first = from_state ? both.state.variables().offset(in_state[at(i)])
-                                 : both.row_of_local(in_local[at(i)]);
-    for (int s = 0; s < kind.dim; ++s) rows.push_back(first + s);
+    const int known = in_state[at(i)], seen = in_local[at(i)];
+    const double* const x = known >= 0 ? estimate_.value(known) : beside.values.value(seen);
+    std::memcpy(out.value(i), x, at(all.kind(i).value_size) * sizeof(double));
+    rows[at(i)] = known >= 0 ? rows_[at(known)] : beside.rows[at(seen)];
+    if (known >= 0) stays[at(known)] = 1;
+    if (known >= 0 && seen >= 0) P_.remove(beside.rows[at(seen)], all.dim(i));
+  }
+  for (int i = 0; i < estimate_.size(); ++i) {
+    if (stays[at(i)] == 0) P_.remove(rows_[at(i)], estimate_.variables().dim(i));
   }
   estimate_ = std::move(out);
-  P_ = both.P(rows, rows);
+  rows_ = std::move(rows);
 }
 
 template <int D>
@@ -244,7 +263,7 @@ Map<D> EkfJoin<D>::map() const {
   out.values = values();
   out.anchor = anchor_;
   out.solved_in = anchor_;
-  Eigen::MatrixXd L = P_;
+  Eigen::MatrixXd L = P_.of(scalar_rows());
   if (factor_lower(L) >= 0)
     throw SingularError(
         "the covariance matrix has lost its rank: some features are known to be "
@@ -270,24 +289,31 @@ Map<D> EkfJoin<D>::map() const {
 
 template <int D>
 Eigen::MatrixXd EkfJoin<D>::covariance(std::span<const Key> keys) const {
-  std::vector<int> rows;
-  std::vector<char> known;
-  int n = 0;
+  std::vector<int> rows;            // in P
+  std::vector<Eigen::Index> place;  // in the result
+  Eigen::Index n = 0;
   for (const Key& key : keys) {
-    const bool first = fused_ > 0 && key == anchor_.keys[0];
-    const int i = first ? 0 : estimate_.variables().require(key, "covariance");
-    const int dim = first ? kGauge<D> : estimate_.variables().dim(i);
-    for (int s = 0; s < dim; ++s) {
-      rows.push_back(first ? 0 : estimate_.variables().offset(i) + s);
-      known.push_back(first ? 1 : 0);
+    if (fused_ > 0 && key == anchor_.keys[0]) {
+      n += kGauge<D>;
+      continue;
     }
-    n += dim;
+    const int i = estimate_.variables().require(key, "covariance");
+    for (int s = 0; s < estimate_.variables().dim(i); ++s) {
+      rows.push_back(rows_[at(i)] + s);
+      place.push_back(n++);
+    }
   }
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(n, n);
-  for (int c = 0; c < n; ++c) {
-    for (int r = 0; r < n; ++r) {
-      if (known[at(r)] == 0 && known[at(c)] == 0) out(r, c) = P_(rows[at(r)], rows[at(c)]);
-    }
+  out(place, place) = P_.of(rows);
+  return out;
+}
+
+/// Rows in P of all scalars of the estimate, in its order.
+template <int D>
+std::vector<int> EkfJoin<D>::scalar_rows() const {
+  std::vector<int> out;
+  for (int i = 0; i < estimate_.size(); ++i) {
+    for (int s = 0; s < estimate_.variables().dim(i); ++s) out.push_back(rows_[at(i)] + s);
   }
   return out;
 }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "mapjoin/filtering/slsjf.h"
+#include "mapjoin/solvers/growing_covariance.h"
 
 /// \file
 /// Sequential map joining by an extended Kalman filter (Tardos et al. 2002; Williams' CLSF): the
@@ -13,8 +14,7 @@
 /// The state is the last pose and every feature; the covariance matrix P is kept, dense. It
 /// linearises where SLSJF does, so it is SLSJF in another form, without the earlier poses: the two
 /// agree to rounding on points of the plane. Fusing a local map costs O(n^2 m) for a state of n and
-/// m scalars that the local map has in common with it, and P takes 8 n^2 bytes, three times that
-/// while it is updated.
+/// m scalars that the local map has in common with it, and P takes 8 n^2 bytes and room to grow.
 
 namespace mapjoin {
 
@@ -32,7 +32,7 @@ class EkfJoin {
 
   int fused() const { return fused_; }
   /// Scalars of the state.
-  int scalars() const { return static_cast<int>(P_.rows()); }
+  int scalars() const { return estimate_.variables().scalars(); }
   /// Estimates of the last pose and the features, and the first start pose, the frame.
   Values<D> values() const;
   /// The same with its information, P^-1, in the frame of the first start pose. O(n^3).
@@ -42,13 +42,18 @@ class EkfJoin {
   Eigen::MatrixXd covariance(std::span<const Key> keys) const;
 
  private:
-  struct Augmented;
-  void update(Augmented& both) const;
-  void keep(const Augmented& both);
+  struct Beside;
+  std::vector<int> enter(const VariableSet<D>& variables, const Eigen::MatrixXd& cross,
+                         const Eigen::MatrixXd& own);
+  void update(Beside& beside);
+  void move(Values<D>& x, const std::vector<int>& rows, const Eigen::VectorXd& d);
+  void keep(const Beside& beside);
+  std::vector<int> scalar_rows() const;
 
   Anchor<D> anchor_;
   Values<D> estimate_;
-  Eigen::MatrixXd P_;  ///< in the tangents at the estimates, in their order
+  std::vector<int> rows_;  ///< of each variable, the first in P
+  GrowingCovariance P_;    ///< in the tangents at the estimates
   int fused_ = 0;
 };
 

@@ -83,11 +83,12 @@ MapStream<D>::MapStream(StreamOptions<D> options) : options_(std::move(options))
 template <int D>
 LocalMap<D> MapStream<D>::associated(const LocalMap<D>& local_map, Fusion& fusion) {
   renamed_.clear();
+  matched_.clear();
   if (!options_.associate || size_ == 0) return local_map;
   const auto start = Clock::now();
   const Map<D> global = current();
-  const auto names =
-      new_names(global.variables(), local_map, options_.associate(global, to_map(local_map)));
+  matched_ = options_.associate(global, to_map(local_map));
+  const auto names = new_names(global.variables(), local_map, matched_);
   LocalMap<D> out = local_map;
   const auto rename = [&](Key& key) {
     const auto found = names.find(key);
@@ -125,21 +126,27 @@ Fusion MapStream<D>::add(const LocalMap<D>& given) {
 }
 
 template <int D>
-std::vector<Map<D>> MapStream<D>::join_pieces(std::vector<Map<D>> a,
-                                              const std::vector<Map<D>>& b) const {
+std::vector<Map<D>> MapStream<D>::join_pieces(std::vector<Map<D>> a, const std::vector<Map<D>>& b,
+                                              bool root) const {
   a.insert(a.end(), b.begin(), b.end());
-  return join_all(std::span<const Map<D>>(a), {}, options_.join).maps;
+  JoinOptions options = options_.join;
+  if (!root) options.root_solves = 1;
+  return join_all(std::span<const Map<D>>(a), {}, options).maps;
 }
 
 /// A binary counter: equal digits carry.
 template <int D>
 void MapStream<D>::push(const LocalMap<D>& local_map) {
   auto& levels = std::get<std::vector<Level>>(method_);
+  for (auto& half : halves_) half.clear();
   levels.push_back({0, join_all(std::span<const LocalMap<D>>(&local_map, 1), options_.join).maps});
   while (levels.size() > 1 && levels[levels.size() - 2].level == levels.back().level) {
-    const Level last = std::move(levels.back());
+    Level last = std::move(levels.back());
     levels.pop_back();
-    levels.back() = {last.level + 1, join_pieces(std::move(levels.back().pieces), last.pieces)};
+    Level& first = levels.back();
+    std::vector<Map<D>> joined = join_pieces(first.pieces, last.pieces, false);
+    if (levels.size() == 1) halves_ = {std::move(first.pieces), std::move(last.pieces)};
+    first = {last.level + 1, std::move(joined)};
   }
 }
 
@@ -151,8 +158,11 @@ Map<D> MapStream<D>::current() const {
   if (const auto* const ekf = std::get_if<EkfJoin<D>>(&method_)) return ekf->map();
   if (current_) return *current_;
   const auto& levels = std::get<std::vector<Level>>(method_);
-  std::vector<Map<D>> pieces = levels.back().pieces;  // from the right, as the order tree does
-  for (std::size_t k = levels.size() - 1; k-- > 0;) pieces = join_pieces(levels[k].pieces, pieces);
+  // From the right, as the order tree does; the last join is its root.
+  std::vector<Map<D>> pieces = levels.back().pieces;
+  if (levels.size() == 1 && !halves_[0].empty()) pieces = join_pieces(halves_[0], halves_[1], true);
+  for (std::size_t k = levels.size() - 1; k-- > 0;)
+    pieces = join_pieces(levels[k].pieces, pieces, k == 0);
   if (pieces.size() > 1)
     throw DisconnectedError(fmt::format(
         "the local maps so far are {} pieces that share too little to be one map; the one of {} "

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -30,8 +31,9 @@ enum class StreamMethod {
 /// Which features of an arriving local map are already in the map: pairs (key in the local map, key
 /// in the map so far). Of what is in no pair, poses keep their keys and features are new: they keep
 /// their keys too, where these are free, and get the lowest free ids where they are not.
+/// `associate_arrivals()` in association/arrivals.h makes one.
 template <int D>
-using Association =
+using AssociateFunction =
     std::function<std::vector<std::pair<Key, Key>>(const Map<D>& global, const Map<D>& local)>;
 
 template <int D>
@@ -40,7 +42,7 @@ struct StreamOptions {
   FilterOptions filter;  ///< kSlsjf and kDslam
   JoinOptions join;      ///< kDivideAndConquer; mode observe or summary are made for it
   /// Asked at every local map but the first. Empty: equal keys are equal variables.
-  Association<D> associate;
+  AssociateFunction<D> associate;
 };
 
 /// A stream of local maps.
@@ -75,6 +77,8 @@ class MapStream {
   /// What the features of the last local map were found to be: pairs (its key, the map's key), of
   /// those that changed their name.
   const std::vector<std::pair<Key, Key>>& renamed() const { return renamed_; }
+  /// What the association answered for the last local map.
+  const std::vector<std::pair<Key, Key>>& matched() const { return matched_; }
 
  private:
   /// Joined maps of 2^level local maps each, as pieces.
@@ -84,13 +88,17 @@ class MapStream {
   };
   LocalMap<D> associated(const LocalMap<D>& local_map, Fusion& fusion);
   void push(const LocalMap<D>& local_map);
-  std::vector<Map<D>> join_pieces(std::vector<Map<D>> a, const std::vector<Map<D>>& b) const;
+  std::vector<Map<D>> join_pieces(std::vector<Map<D>> a, const std::vector<Map<D>>& b,
+                                  bool root) const;
 
   StreamOptions<D> options_;
   std::variant<std::vector<Level>, Slsjf<D>, DslamJoin<D>, EkfJoin<D>> method_;
+  /// What the only level is joined of, where there is one: in observing joins the root solves more
+  /// often than others, and it is the root until the next local map arrives.
+  std::array<std::vector<Map<D>>, 2> halves_;
   Anchor<D> frame_;
   int size_ = 0;
-  std::vector<std::pair<Key, Key>> renamed_;
+  std::vector<std::pair<Key, Key>> renamed_, matched_;
   mutable std::optional<Map<D>> current_;  ///< of divide and conquer
 };
 

@@ -1,10 +1,12 @@
 // Filters and comparisons, as a user runs them.
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "mapjoin/io/local_maps.h"
 #include "tests/program/workbench.h"
 #include "tests/support/local_map_chain.h"
+#include "tests/support/wandering.h"
 
 namespace mapjoin::test {
 namespace {
@@ -25,6 +27,15 @@ class Filters : public Workbench {
     }
     write_local_maps(file("maps"), set);
     return file("maps");
+  }
+  /// The same of a walk among points that can be told apart.
+  std::string local_maps_to_associate() const {
+    Dice dice(4);
+    LocalMapSet<2> set;
+    set.pose_feature = true;
+    set.maps = wander<2>(dice, {.maps = 8}).maps;
+    write_local_maps(file("walk"), set);
+    return file("walk");
   }
   static nlohmann::json read_json(const std::string& path) {
     std::ifstream in(path);
@@ -56,6 +67,65 @@ TEST_F(Filters, WriteMapsThatCanBeUsedFurther) {
   run({"marginalize", file("a.map"), "--keep", "features", "--output", file("features.map")});
   run({"join", maps, "--method", "ekf", "--output", file("b.map"), "--anchor", "pose:1"});
   run({"covariance", file("b.map"), "--all", "--output", file("b.csv")});
+}
+
+/// What `mapjoin build` makes of one recording: as text, and as native maps alone.
+TEST_F(Filters, TakeNativeLocalMapsAsTheyTakeText) {
+  run({"simulate", "beacons", "--poses", "400", "--output", file("field")});
+  run({"build", file("field"), "--segment", "maps:8", "--builder", "ekf", "--keep", "end-pose",
+       "--output", file("text")});
+  std::filesystem::create_directory(file("native"));
+  for (const auto& entry : std::filesystem::directory_iterator(file("text"))) {
+    if (entry.path().extension() == ".map")
+      std::filesystem::copy(entry.path(), file("native") + "/" + entry.path().filename().string());
+  }
+  for (const std::string method : {"slsjf", "islsjf", "dslam", "idslam", "ekf"}) {
+    for (const std::string kind : {"text", "native"}) {
+      run({"join", file(kind), "--method", method, "--output", file(kind + ".map")});
+    }
+    const std::string judged =
+        run({"evaluate", file("native.map"), "--reference", file("text.map")});
+    EXPECT_LT(figure(judged, "aligned_feature_rmse"), 1e-6) << method;
+  }
+  EXPECT_THAT(run({"compare", file("native"), "--methods", "slsjf,dslam"}), HasSubstr("dslam"));
+}
+
+TEST_F(Filters, SayWhatANativeMapLacks) {
+  run({"simulate", "beacons", "--poses", "400", "--output", file("field")});
+  run({"build", file("field"), "--segment", "maps:4", "--keep", "features", "--output",
+       file("features")});
+  for (const auto& entry : std::filesystem::directory_iterator(file("features"))) {
+    if (entry.path().extension() != ".map") std::filesystem::remove(entry.path());
+  }
+  expect_refused({"join", file("features"), "--method", "ekf", "--output", file("x.map")},
+                 "in the frame of the pose they begin at");
+}
+
+/// The features are found first; any method goes on from the numbers that were found.
+TEST_F(Filters, GoOnFromFeaturesThatWereFound) {
+  const std::string maps = local_maps_to_associate();
+  for (const std::string method : {"slsjf", "islsjf", "dslam", "idslam", "ekf"}) {
+    const std::string out = run({"join", maps, "--method", method, "--associate", "jcbb", "--judge",
+                                 "--output", file("found.map")});
+    EXPECT_THAT(out, HasSubstr("precision 1.00000")) << method;
+    EXPECT_THAT(out, HasSubstr("maps fused")) << method;
+  }
+}
+
+TEST_F(Filters, AreComparedWhileFeaturesAreFound) {
+  const std::string maps = local_maps_to_associate();
+  for (const std::string matcher : {"nn", "gnn", "jcbb"}) {
+    const std::string out = run({"compare", maps, "--methods", "slsjf,ekf,dslam", "--associate",
+                                 matcher, "--json", file("table.json")});
+    EXPECT_THAT(out, HasSubstr("precision"));
+    const nlohmann::json table = read_json(file("table.json"));
+    for (const std::size_t k : {0U, 1U}) {
+      EXPECT_EQ(table[k]["right_matches"], table[k]["matches"]) << matcher;
+      EXPECT_GT(table[k]["right_matches"], 0.8 * table[k]["seen_before"].get<double>()) << matcher;
+      EXPECT_GT(table[k]["seconds_by_step"]["associate"], 0.0);
+    }
+    EXPECT_THAT(table[2]["failure"].get<std::string>(), HasSubstr("--associate"));
+  }
 }
 
 TEST_F(Filters, RefuseWhatGoesWithTheLinearMethod) {

@@ -1,4 +1,4 @@
-#include "mapjoin/building/growing_covariance.h"
+#include "mapjoin/solvers/growing_covariance.h"
 
 #include <algorithm>
 
