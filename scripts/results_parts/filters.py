@@ -1,11 +1,10 @@
 """The filters of the papers, side by side."""
 
 import json
-import math
-import statistics
 
 from .bench import near, number, printed, tests_of
 from .data_sets import MAPS
+from .filter_runs import dslam_simulation, exponent, slsjf_simulation, slsjf_victoria_park
 
 # chi2 of SLSJF as Table 2 prints it; RMSE of D-SLAM map joining as Table 5 does.
 SLSJF = {"victoria_park_200": 3644, "dlr_200": 14603, "victoria_park_6898": 9013, "dlr_3298": 28316}
@@ -17,17 +16,6 @@ def compared(bench, name, methods, *options):
     table = bench.scratch / "table.json"
     bench.call("compare", bench.source("maps", name), "--methods", methods, "--json", table, *options)
     return {row["method"]: row for row in json.loads(table.read_text())}
-
-
-def exponent(seconds):
-    """p of seconds ~ k^p over the local maps k, least squares on logarithms; the first tenth, where
-    everything fits in a cache, left out, and means of runs of maps taken."""
-    run = max(1, len(seconds) // 20)
-    points = [(math.log(k + run / 2), math.log(statistics.mean(seconds[k:k + run])))
-              for k in range(len(seconds) // 10, len(seconds) - run + 1, run)]
-    mean_x, mean_y = (statistics.mean(p[i] for p in points) for i in (0, 1))
-    return (sum((x - mean_x) * (y - mean_y) for x, y in points)
-            / sum((x - mean_x) ** 2 for x, y in points))
 
 
 def filters(bench, report, options):
@@ -75,9 +63,7 @@ def filters(bench, report, options):
                "factorised whole at every map. p: seconds of a map grow as its number to the p.")
     rows = []
     for name in ("simu_8240_50", "victoria_park_200", "simu_35188_700", "dlr_3298"):
-        methods = ["slsjf", "slsjf:amd", "slsjf:whole"]
-        if name != "simu_35188_700":  # 8404 scalars: the dense filter would take an hour
-            methods.append("ekf")
+        methods = ["slsjf", "slsjf:amd", "slsjf:whole", "ekf"]
         for method, r in compared(bench, name, ",".join(methods)).items():
             step = r["seconds_by_step"]
             steps = [number(step[k], 3) for k in ("add", "order", "factor", "recover")]
@@ -90,4 +76,7 @@ def filters(bench, report, options):
     report.say("SLSJF and the Kalman filter linearise in the same places: their features agree to "
                "rounding.")
     tests_of(bench, report, "mapjoin_data_tests", "SlsjfAndEkf.*:SlsjfSimulation.*:*Table2.*:*Table5OfDslam.*")
+    slsjf_simulation(bench, report, options)
+    slsjf_victoria_park(bench, report, options)
+    dslam_simulation(bench, report, options)
     report.close()

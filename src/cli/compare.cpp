@@ -4,6 +4,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "mapjoin/cli/arguments.h"
@@ -97,6 +98,19 @@ const Values<D>* reference_of(const Row<D>& row, const std::vector<Row<D>>& rows
   return found == rows.end() ? nullptr : &found->result.map.values;
 }
 
+/// The truth without what goes by another name in the map: of a feature that was not found again
+/// the number is one that was free, and says nothing.
+template <int D>
+Values<D> known_by_name(const Values<D>& truth, const std::optional<MatchScore>& matches) {
+  if (!matches) return truth;
+  const std::set<Key> renamed(matches->renamed.begin(), matches->renamed.end());
+  std::vector<int> kept;
+  for (int i = 0; i < truth.size(); ++i) {
+    if (renamed.count(truth.variables().key(i)) == 0) kept.push_back(i);
+  }
+  return subset(truth, kept);
+}
+
 template <int D>
 void compare_methods(const Arguments& a, const Subject<D>& subject, OutputFolder* folder) {
   const Interruptible interruptible;
@@ -115,7 +129,7 @@ void compare_methods(const Arguments& a, const Subject<D>& subject, OutputFolder
       reference = *values;
     }
     if (!a.truth.empty()) {
-      const Values<D> truth = read_truth(a.truth, row.result.map);
+      const Values<D> truth = known_by_name(read_truth(a.truth, row.result.map), row.matches);
       row.consistency = consistency(row.result.map, truth);
       row.coverage = coverage(row.result.map, truth);
     }

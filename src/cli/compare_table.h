@@ -27,6 +27,7 @@ struct MatchScore {
   std::int64_t matches = 0;
   std::int64_t right = 0;
   std::int64_t seen_before = 0;  ///< sightings of features that an earlier local map had
+  std::vector<Key> renamed;      ///< in the map under another number than they came with
 };
 
 /// What became of one method.

@@ -130,6 +130,7 @@ class Judge {
       if (matched.count(key) > 0) continue;
       const auto renamed = names.find(key);
       came_as_[renamed == names.end() ? key : renamed->second] = key;
+      if (renamed != names.end()) score.renamed.push_back(renamed->second);
     }
   }
 

@@ -14,6 +14,8 @@
 #include "mapjoin/building/solve.h"
 #include "mapjoin/evaluation/chi_squared.h"
 #include "mapjoin/evaluation/consistency.h"
+#include "mapjoin/filtering/slsjf.h"
+#include "mapjoin/frames/local_map.h"
 #include "mapjoin/solvers/covariance.h"
 #include "mapjoin/solvers/relative.h"
 
@@ -174,6 +176,27 @@ TEST(SlsjfWorld, ErrorsRelativeToTheNearestPoseAreInsideTheirBoundsInEveryRun) {
                 static_cast<int>(seed), share);
     EXPECT_GT(share, 0.93) << seed;
     EXPECT_LT(share, 0.98) << seed;
+  }
+}
+
+/// The filter itself, linearised once. Where things are near each other it is right about itself;
+/// which way the whole map lies it may believe to know too well (docs/filters.md).
+TEST(SlsjfSimulation, TheFiltersErrorsAreInsideTheirBoundsSeenFromNearby) {
+  for (const std::uint64_t seed : {1U, 2U, 3U}) {
+    LogSimulationOptions world;
+    world.seed = seed;
+    world.speed = 0.5;
+    const SimulatedLog simulated = simulate_log(world);
+    const BuiltMaps<2> built =
+        build_local_maps(simulated.log, segment(simulated.log, {SegmentRule::By::kMaps, 600}),
+                         {.builder = Builder::kFilter, .keep = Keep::kEndPose});
+    std::vector<LocalMap<2>> maps;
+    for (const Map<2>& map : built.maps) maps.push_back(as_local_map(map));
+    const double part =
+        share_inside_nearby(slsjf(std::span<const LocalMap<2>>(maps)).map, simulated.truth);
+    EXPECT_GT(part, 0.93) << seed;
+    EXPECT_LT(part, 0.98) << seed;
+    std::printf("SLSJF, world %d: %.4f inside two sigma\n", static_cast<int>(seed), part);
   }
 }
 
