@@ -174,17 +174,17 @@ def slsjf_simulation(bench, report, options):
 
     report.say("With the features' numbers hidden and found again as the local maps arrive, by nearest neighbour "
                "as in the paper (`--associate nn`); as its Table I, seconds of association, of the update and of the rest:")
-    matched = compared(bench, field, *cut, "--methods", "slsjf,ekf", "--associate", "nn")
-    rows = []
-    for method, r in matched.items():
-        step = r["seconds_by_step"]
-        update = step["add"] if method == "slsjf" else step["factor"]
-        rest = sum(step[k] for k in ("add", "order", "factor", "recover")) - update
-        rows.append([method, f"{r['right_matches']} of {r['matches']}",
-                     number(r["right_matches"] / r["seen_before"], 5), number(step["associate"], 2),
-                     number(update, 2), number(rest, 2), *map(str, TABLE_1[method])])
-    report.table(["method", "right matches", "recall", "association", "update", "other", "in the paper: association",
-                  "update", "other"], rows)
+    matched = compared(bench, field, *cut, "--methods", "slsjf", "--associate", "nn")["slsjf"]
+    step = matched["seconds_by_step"]
+    kalman = table["ekf"]["seconds_by_step"]
+    rest = sum(step[k] for k in ("order", "factor", "recover"))
+    report.table(["method", "right matches", "recall", "association", "update", "other",
+                  "in the paper: association", "update", "other"],
+                 [["slsjf", f"{matched['right_matches']} of {matched['matches']}",
+                   number(matched["right_matches"] / matched["seen_before"], 5), number(step["associate"], 2),
+                   number(step["add"], 2), number(rest, 2), *map(str, TABLE_1["slsjf"])],
+                  ["ekf, numbers given", "", "", "", number(kalman["factor"], 2), number(kalman["add"], 2),
+                   *map(str, TABLE_1["ekf"])]])
 
     shares = {m: [] for m in ("slsjf", "slsjf:anew:50", "islsjf")}
     ratios = {m: [] for m in shares}
@@ -195,10 +195,17 @@ def slsjf_simulation(bench, report, options):
             shares[m].append(r["within_2_sigma"])
             ratios[m].append(r["nees"] / r["dimension"])
     report.say(f"Over {seeds} such worlds. Within one the errors hang together, so that most or few are inside; the "
-               "mean over worlds tells:")
-    report.table(["method", "share inside 2 sigma, mean", "least", "largest", "NEES over its dimension, mean"],
-                 [[m, number(statistics.mean(s), 3), number(min(s), 3), number(max(s), 3),
-                   number(statistics.mean(ratios[m]), 3)] for m, s in shares.items()])
+               "mean over worlds tells more:")
+    rows = []
+    for m, s in shares.items():
+        holds = "" if m == "slsjf" else report.check(statistics.mean(s) >= 0.93, f"errors inside 2 sigma, {m}")
+        rows.append([m, number(statistics.mean(s), 3), number(min(s), 3), number(max(s), 3),
+                     number(statistics.mean(ratios[m]), 3), holds])
+    report.table(["method", "share inside 2 sigma, mean", "least", "largest", "NEES over its dimension, mean",
+                  "at least 0.93"], rows)
+    report.say("Linearised once the filter may believe to know too well which way the whole map lies: that alone puts "
+               "the features far from its start outside. Seen from the nearest end pose 93 to 98% are inside, with four "
+               "times the noise, by the tests below.")
     if not options.quick:
         parts = []
         map_panel(parts, (50, 40, 380, 380), found["slsjf"], "Map of SLSJF, ellipses at two sigma")

@@ -45,25 +45,34 @@ struct Spots {
   std::vector<double> variance;   ///< largest eigenvalue of the covariance of the position
 };
 
+/// Positions alone.
 template <int D>
-Spots<D> spots_of(const Map<D>& map, const Covariance<D>& covariance, std::vector<int> variables) {
+Spots<D> places_of(const Map<D>& map, std::vector<int> variables) {
   Spots<D> out;
   out.variables = std::move(variables);
-  if (out.variables.empty() || !map.variables().kind(out.variables[0]).has_position) return out;
-  const CovarianceBlocks blocks = covariance.blocks(out.variables);
-  const VariableKind<D>& kind = map.variables().kind(out.variables[0]);
-  for (std::size_t k = 0; k < out.variables.size(); ++k) {
-    const int i = out.variables[k];
+  for (const int i : out.variables) {
     const int zero = 0;
     Vec<D> p;
-    kind.positions(map.values.value(i), &zero, 1, p.data());
-    const Eigen::Matrix<double, D, D> S =
-        position_covariance(map.values, i, Eigen::MatrixXd(blocks.block(k)));
+    map.variables().kind(i).positions(map.values.value(i), &zero, 1, p.data());
     out.positions.push_back(p);
-    out.variance.push_back(std::max(
+  }
+  out.variance.assign(out.variables.size(), 0.0);
+  return out;
+}
+
+template <int D>
+Spots<D> spots_of(const Map<D>& map, const Covariance<D>& covariance, std::vector<int> variables) {
+  if (variables.empty() || !map.variables().kind(variables[0]).has_position)
+    return {std::move(variables), {}, {}};
+  Spots<D> out = places_of(map, std::move(variables));
+  const CovarianceBlocks blocks = covariance.blocks(out.variables);
+  for (std::size_t k = 0; k < out.variables.size(); ++k) {
+    const Eigen::Matrix<double, D, D> S =
+        position_covariance(map.values, out.variables[k], Eigen::MatrixXd(blocks.block(k)));
+    out.variance[k] = std::max(
         0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, D, D>>(S, Eigen::EigenvaluesOnly)
                  .eigenvalues()
-                 .maxCoeff()));
+                 .maxCoeff());
   }
   return out;
 }
@@ -126,6 +135,13 @@ std::vector<int> unknown_in(const typename VariableSet<D>::Column& column,
   return out;
 }
 
+/// Sorted, once each.
+std::vector<int> distinct(std::vector<int> numbers) {
+  std::sort(numbers.begin(), numbers.end());
+  numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
+  return numbers;
+}
+
 template <int D>
 class PairMaker {
  public:
@@ -180,6 +196,7 @@ class PairMaker {
     }
     const double gate = chi_squared_quantile(options.gate, maps_.a.variables().dim(a[0]));
     const double farthest = options.max_distance;
+    if (farthest > 0.0) a = within(farthest, std::move(a), b);
     sweep(
         spots_of(maps_.a, covariance_a_, std::move(a)),
         spots_of(maps_.b, covariance_b_, std::move(b)),
@@ -190,6 +207,17 @@ class PairMaker {
         out);
   }
 
+  /// Of these variables of A, those so near to one of B: the covariances of others are not needed.
+  std::vector<int> within(double farthest, std::vector<int> a, const std::vector<int>& b) const {
+    NumberPairs near;
+    sweep(
+        places_of(maps_.a, std::move(a)), places_of(maps_.b, b),
+        [&](double, double) { return farthest; }, near);
+    std::vector<int> out;
+    for (const auto& [j, i] : near) out.push_back(i);
+    return distinct(std::move(out));
+  }
+
   /// Innovations and joint covariances of pairs (b, a), the first `known` of them known.
   CandidatePairs make(const NumberPairs& numbers, int known) const;
   CandidatePairs within_gate(CandidatePairs pairs, double probability) const;
@@ -198,13 +226,6 @@ class PairMaker {
   const ComparedMaps<D>& maps_;
   Covariance<D> covariance_a_, covariance_b_;
 };
-
-/// Sorted, once each.
-std::vector<int> distinct(std::vector<int> numbers) {
-  std::sort(numbers.begin(), numbers.end());
-  numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
-  return numbers;
-}
 
 /// The first row of each of the variables in a joint covariance; -1 for others.
 template <int D>

@@ -31,8 +31,9 @@ struct CandidateOptions {
   /// the variable's dimension). Right pairs beyond it are not found; the lower, the fewer wrong
   /// ones are.
   double gate = 0.9999;
-  /// Pairs farther apart than this in the common frame are not considered [m]; 0: whatever the
-  /// gate allows. Of types that have no position all are.
+  /// Pairs farther apart than this in the common frame are not considered [m]: the error that the
+  /// paper allows for (III-C1). Variables of A that are farther from all of B cost nothing then. 0:
+  /// whatever the gate allows. Of types that have no position all are.
   double max_distance = 0.0;
   /// Points per square (cubic) metre to expect near any place [1/m^2, 1/m^3]; 0: estimated from B's
   /// points, by the median distance to the nearest.

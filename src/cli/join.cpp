@@ -222,6 +222,13 @@ void add_join(CLI::App& app) {
       ->check(CLI::NonNegativeNumber)
       ->type_name("N")
       ->capture_default_str();
+  command
+      .add_option(
+          "--max-distance", arguments->max_distance,
+          "With --associate: metres beyond which features are not compared [whatever the gate "
+          "allows]")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("M");
   command.add_flag(
       "--check-matches", arguments->check_matches,
       "With given numbers: test in every join whether each feature that is joined agrees "

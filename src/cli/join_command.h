@@ -17,6 +17,7 @@ struct JoinCommand {
   std::string associate = "given";
   double gate = 0.9999;
   double odds = 1000.0;
+  double max_distance = 0.0;
   bool check_matches = false;
   bool judge = false;
   JoinArguments join;

@@ -25,6 +25,7 @@ AssociationOptions association_options(const JoinCommand& a) {
   AssociationOptions options = association_options(a.associate);
   options.candidates.gate = options.joint.gate = a.gate;
   options.odds = a.odds;
+  options.candidates.max_distance = a.max_distance;
   return options;
 }
 

@@ -166,6 +166,31 @@ TYPED_TEST(Associate, LeavesOutNoCandidateThatIsWithinTheGate) {
   }
 }
 
+/// A largest distance leaves out what is farther apart, and nothing else (III-C1).
+TYPED_TEST(Associate, ComparesNothingBeyondTheLargestDistance) {
+  constexpr int D = TypeParam::value;
+  const TwoMaps<D> maps = two_maps<D>(3, {.sigma = 0.5});
+  const ComparedMaps<D> compared = in_common_frame(maps.a, maps.b);
+  const CandidatePairs all = candidate_pairs(compared, {});
+  for (const double farthest : {0.3, 1.0, 1e6}) {
+    CandidateOptions options;
+    options.max_distance = farthest;
+    std::vector<std::pair<int, int>> expected, found;
+    for (int p = all.known; p < all.size(); ++p) {
+      if (all.innovation(p).norm() <= farthest)
+        expected.emplace_back(all.pairs[static_cast<std::size_t>(p)].a,
+                              all.pairs[static_cast<std::size_t>(p)].b);
+    }
+    const CandidatePairs near = candidate_pairs(compared, options);
+    for (int p = near.known; p < near.size(); ++p)
+      found.emplace_back(near.pairs[static_cast<std::size_t>(p)].a,
+                         near.pairs[static_cast<std::size_t>(p)].b);
+    EXPECT_EQ(found, expected) << farthest;
+    EXPECT_LE(found.size(), static_cast<std::size_t>(all.size() - all.known));
+  }
+  EXPECT_GT(all.size(), all.known);
+}
+
 TYPED_TEST(Associate, TakesTheFrameOfCommonPointsWhereNoPoseIsCommon) {
   constexpr int D = TypeParam::value;
   TwoMaps<D> maps = two_maps<D>(6);
