@@ -95,10 +95,10 @@ HEAD = ["method", "non-zeros of I (dense: of P)", "of L", "reordered", "adding",
 def times_panel(parts, box, table, maps, title):
     curves = {m: seconds_per_map(table[m], maps) for m in COLOUR if m in table}
     run = max(1, maps // 60)
-    means = {m: [1000 * statistics.mean(s[k:k + run]) for k in range(0, len(s) - run + 1, run)]
+    means = {m: [math.log10(1000 * statistics.mean(s[k:k + run])) for k in range(0, len(s) - run + 1, run)]
              for m, s in curves.items()}
-    top = pictures.nice(max(max(c) for c in means.values()))
-    panel = pictures.Panel(parts, box, (0, maps), (0, top), title, "local map")
+    low, high = (f(g(c) for c in means.values()) for f, g in ((min, min), (max, max)))
+    panel = pictures.Panel(parts, box, (0, maps), (math.floor(low), math.ceil(high)), title, "local map")
     for m, curve in means.items():
         panel.line([((k + 0.5) * run, y) for k, y in enumerate(curve)], COLOUR[m])
     pictures.legend(parts, box[0], box[1] + box[3] + 56, [(m, COLOUR[m], "") for m in means], 95)
@@ -211,7 +211,7 @@ def slsjf_simulation(bench, report, options):
         map_panel(parts, (50, 40, 380, 380), found["slsjf"], "Map of SLSJF, ellipses at two sigma")
         close_panel(parts, (490, 40, 380, 380), found, beacons(field / "beacons_true.csv"),
                     "Five features of the far corner; dots: the truth")
-        times_panel(parts, (50, 520, 820, 260), table, maps, "Time for each local map, ms")
+        times_panel(parts, (50, 520, 820, 260), table, maps, "Time for each local map, log10 of ms")
         pictures.write(IMAGES / "slsjf_simulation.svg", 900, 850, parts)
     report.say("![The simulation of SLSJF](images/slsjf_simulation.svg)")
 
@@ -232,7 +232,7 @@ def slsjf_victoria_park(bench, report, options):
     if not options.quick:
         parts = []
         map_panel(parts, (50, 40, 380, 380), found["slsjf"], "Map of SLSJF, ellipses at two sigma")
-        times_panel(parts, (490, 40, 380, 380), table, 200, "Time for each local map, ms")
+        times_panel(parts, (490, 40, 380, 380), table, 200, "Time for each local map, log10 of ms")
         pictures.write(IMAGES / "slsjf_victoria_park.svg", 900, 500, parts)
     report.say("![Victoria Park by SLSJF](images/slsjf_victoria_park.svg)")
 
