@@ -137,8 +137,8 @@ std::vector<int> EkfJoin<D>::enter(const VariableSet<D>& variables, const Eigen:
   for (int i = 0; i < variables.size(); ++i) rows.push_back(P_.add(variables.dim(i)));
   for (int i = 0; i < variables.size(); ++i) {
     Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(P_.size(), variables.dim(i));
-    columns.topRows(cross.rows()) =
-        cross.middleCols(variables.offset(i), cross.size() > 0 ? variables.dim(i) : 0);
+    if (cross.size() > 0)  // the first map enters an empty state
+      columns.topRows(cross.rows()) = cross.middleCols(variables.offset(i), variables.dim(i));
     for (int j = 0; j < variables.size(); ++j)
       columns.middleRows(rows[at(j)], variables.dim(j)) =
           own.block(variables.offset(j), variables.offset(i), variables.dim(j), variables.dim(i));
