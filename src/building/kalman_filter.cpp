@@ -4,6 +4,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <optional>
 
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/gauge.h"
@@ -80,16 +81,11 @@ KalmanFilter<D>::KalmanFilter(const LocalProblem<D>& problem, const InitialValue
   at_.resize(at(problem.last_pose() + 2));
   for (std::size_t k = 0; k < problem.measurements.size(); ++k) {
     const auto& m = problem.measurements[k];
-    const int t = waits(m.to) ? problem.last_pose() + 1 : time_of(m);
+    const int t = waits(m.to) ? problem.last_pose() + 1 : problem.time_of(m);
     at_[at(t)].push_back(static_cast<int>(k));
     for (const int i : {m.from, m.to}) last_use_[at(i)] = std::max(last_use_[at(i)], t);
   }
   time_ = first();
-}
-
-template <int D>
-int KalmanFilter<D>::time_of(const LocalMeasurement<D>& m) const {
-  return problem_->is_pose(m.to) ? std::max(m.from, m.to) : m.from;
 }
 
 template <int D>
@@ -214,11 +210,7 @@ void KalmanFilter<D>::update(const std::vector<int>& measurements) {
   }
   for (const Term& term : terms)
     S.middleRows(term.first, term.J.rows()) += term.J * X.middleRows(term.row, term.J.cols());
-  if (factor_lower(S) >= 0)
-    throw SingularError(fmt::format(
-        "the filter's covariance of the local map from {} is not positive definite: its "
-        "measurements contradict each other far beyond their noise; use the nonlinear builder",
-        to_string(problem_->variables.key(first()))));
+  if (factor_lower(S) >= 0) throw_indefinite();
   solve_lower_right(S, X);
   solve_lower_left(S, r);
   chi2_ += r.squaredNorm();
@@ -239,10 +231,16 @@ void KalmanFilter<D>::move(const Eigen::VectorXd& d) {
     if (k.action == FrameAction::kRotating || k.action == FrameAction::kInvariant) continue;
     Eigen::MatrixXd turn(k.dim, k.dim);
     k.local_jacobian(x, before.data(), 1, turn.data());
-    Eigen::MatrixXd column = P_.columns(row, k.dim) * turn.transpose();
-    column.middleRows(row, k.dim) = (turn * column.middleRows(row, k.dim)).eval();
-    P_.set_columns(row, column);
+    P_.turn(row, turn);
   }
+}
+
+template <int D>
+void KalmanFilter<D>::throw_indefinite() const {
+  throw SingularError(fmt::format(
+      "the filter's covariance of the local map from {} is not positive definite: its "
+      "measurements contradict each other far beyond their noise; use the nonlinear builder",
+      to_string(problem_->variables.key(first()))));
 }
 
 /// Drops poses that nobody keeps and no later measurement refers to.
@@ -295,19 +293,11 @@ Map<D> KalmanFilter<D>::map() const {
       place.push_back(map.variables().offset(static_cast<int>(k)) + s);
     }
   }
-  Eigen::MatrixXd L = P_.of(rows);
-  if (factor_lower(L) >= 0)
-    throw SingularError(fmt::format(
-        "the filter's covariance of the local map from {} is not positive definite: its "
-        "measurements contradict each other far beyond their noise; use the nonlinear builder",
-        to_string(problem_->variables.key(first()))));
-  Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(L.rows(), L.cols());
-  solve_lower_left(L, inverse);
-  L.setZero();
-  add_square(1.0, inverse.transpose().eval(), L);
+  const std::optional<Eigen::MatrixXd> information = P_.information(rows);
+  if (!information) throw_indefinite();
   Eigen::MatrixXd anchored =
       Eigen::MatrixXd::Zero(map.variables().scalars(), map.variables().scalars());
-  anchored(place, place) = Eigen::MatrixXd(L.selfadjointView<Eigen::Lower>());
+  anchored(place, place) = *information;
   map.information =
       complete_gauge(map.values, map.anchor,
                      SymmetricBlockMatrix::from_dense(map.variables().offsets(), anchored));

@@ -55,7 +55,6 @@ class KalmanFilter {
 
   int first() const { return problem_->first_pose(); }
   const VariableKind<D>& kind(int i) const { return problem_->variables.kind(i); }
-  int time_of(const LocalMeasurement<D>& m) const;
   bool waits(int i) const { return waits_[static_cast<std::size_t>(i)] != 0; }
   bool reaches(const LocalMeasurement<D>& m) const { return knows(m.from) && knows(m.to); }
   void take();
@@ -64,6 +63,7 @@ class KalmanFilter {
   void update(const std::vector<int>& measurements);
   void move(const Eigen::VectorXd& d);
   void forget();
+  [[noreturn]] void throw_indefinite() const;
 
   const LocalProblem<D>* problem_;
   Values<D> values_;

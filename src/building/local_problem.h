@@ -1,6 +1,7 @@
 // The measurements of one local map, and values to start from.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -41,6 +42,10 @@ struct LocalProblem {
   /// How often a measurement counts whose r^T I r is s.
   double weight(const LocalMeasurement<D>& m, const RobustLoss& loss, double s) const {
     return is_odometry(m) ? 1.0 : loss.weight(s);
+  }
+  /// The pose that takes a measurement; of a relative pose, the later of both.
+  int time_of(const LocalMeasurement<D>& m) const {
+    return is_pose(m.to) ? std::max(m.from, m.to) : m.from;
   }
   int last_pose() const { return variables.column(variables.find_column(Tag("pose"))).end() - 1; }
 };

@@ -13,8 +13,7 @@ std::vector<LocalProblem<D>> parts_of(const RawLog<D>& log, const LocalProblem<D
   std::vector<std::vector<std::int64_t>> members(
       static_cast<std::size_t>(std::max(1, (poses - 1) / kPartPoses)));
   for (const auto& m : problem.measurements) {
-    const int pose = problem.is_pose(m.to) ? std::max(m.from, m.to) : m.from;
-    const int time = pose - problem.first_pose();
+    const int time = problem.time_of(m) - problem.first_pose();
     const auto part = static_cast<std::size_t>(std::max(0, time - 1) / kPartPoses);
     members[std::min(part, members.size() - 1)].push_back(m.number);  // the last is a bit longer
   }

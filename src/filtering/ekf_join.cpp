@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 
 #include <cstring>
+#include <optional>
 #include <utility>
 
 #include "mapjoin/frames/anchors.h"
@@ -210,10 +211,7 @@ void EkfJoin<D>::move(Values<D>& x, const std::vector<int>& rows, const Eigen::V
     kind.local_jacobian(before.value(i), x.value(i), 1, S.data());
     if (S.isIdentity(0.0)) continue;
     const Eigen::MatrixXd turn = S.inverse();
-    Eigen::MatrixXd columns = P_.columns(rows[at(i)], kind.dim) * turn.transpose();
-    columns.middleRows(rows[at(i)], kind.dim) =
-        (turn * columns.middleRows(rows[at(i)], kind.dim)).eval();
-    P_.set_columns(rows[at(i)], columns);
+    P_.turn(rows[at(i)], turn);
   }
 }
 
@@ -263,16 +261,11 @@ Map<D> EkfJoin<D>::map() const {
   out.values = values();
   out.anchor = anchor_;
   out.solved_in = anchor_;
-  Eigen::MatrixXd L = P_.of(scalar_rows());
-  if (factor_lower(L) >= 0)
+  const std::optional<Eigen::MatrixXd> I = P_.information(scalar_rows());
+  if (!I)
     throw SingularError(
         "the covariance matrix has lost its rank: some features are known to be "
         "where others are; there is no information matrix");
-  Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(L.rows(), L.cols());
-  solve_lower_left(L, inverse);
-  Eigen::MatrixXd I = Eigen::MatrixXd::Zero(L.rows(), L.cols());
-  const Eigen::MatrixXd transposed = inverse.transpose();
-  add_square(1.0, transposed, I);
   // Into the rows of all variables: the start pose has none.
   std::vector<Eigen::Index> rows;
   const std::vector<int> place = numbers_in(estimate_.variables(), out.variables());
@@ -281,7 +274,7 @@ Map<D> EkfJoin<D>::map() const {
       rows.push_back(out.variables().offset(place[at(i)]) + s);
   }
   Eigen::MatrixXd all = Eigen::MatrixXd::Zero(out.variables().scalars(), out.variables().scalars());
-  all(rows, rows) = Eigen::MatrixXd(I.selfadjointView<Eigen::Lower>());
+  all(rows, rows) = *I;
   out.information = complete_gauge(
       out.values, anchor_, SymmetricBlockMatrix::from_dense(out.variables().offsets(), all));
   return out;

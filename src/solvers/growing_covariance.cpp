@@ -46,6 +46,13 @@ void GrowingCovariance::set_columns(int row, const Eigen::MatrixXd& columns) {
   P_.block(row + dim, row, below, dim) = columns.bottomRows(below);
 }
 
+void GrowingCovariance::turn(int row, const Eigen::MatrixXd& T) {
+  const auto dim = static_cast<int>(T.rows());
+  Eigen::MatrixXd turned = columns(row, dim) * T.transpose();
+  turned.middleRows(row, dim) = (T * turned.middleRows(row, dim)).eval();
+  set_columns(row, turned);
+}
+
 void GrowingCovariance::subtract_square(const Eigen::MatrixXd& X) {
   add_square(-1.0, X, P_.topLeftCorner(size_, size_));
 }
@@ -61,6 +68,16 @@ Eigen::MatrixXd GrowingCovariance::of(const std::vector<int>& rows) const {
     }
   }
   return out;
+}
+
+std::optional<Eigen::MatrixXd> GrowingCovariance::information(const std::vector<int>& rows) const {
+  Eigen::MatrixXd L = of(rows);
+  if (factor_lower(L) >= 0) return std::nullopt;
+  Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(L.rows(), L.cols());
+  solve_lower_left(L, inverse);
+  L.setZero();
+  add_square(1.0, inverse.transpose().eval(), L);
+  return Eigen::MatrixXd(L.selfadjointView<Eigen::Lower>());
 }
 
 }  // namespace mapjoin

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -26,11 +27,17 @@ class GrowingCovariance {
   /// Sets them, and what mirrors them.
   void set_columns(int row, const Eigen::MatrixXd& columns);
 
+  /// T P T^T, T of these rows alone (size of T from `row` on) and the identity elsewhere: a
+  /// variable in other tangents.
+  void turn(int row, const Eigen::MatrixXd& T);
+
   /// P - X X^T, X of size() rows: the O(n^2) of a Kalman update (dsyrk).
   void subtract_square(const Eigen::MatrixXd& X);
 
   /// Of some rows, whole, in their order. O(their number squared).
   Eigen::MatrixXd of(const std::vector<int>& rows) const;
+  /// The inverse of that, whole. Nothing where it is not positive definite. O(n^3).
+  std::optional<Eigen::MatrixXd> information(const std::vector<int>& rows) const;
 
  private:
   Eigen::MatrixXd P_;  ///< the leading size_ rows and columns count
