@@ -41,7 +41,6 @@ std::vector<std::int64_t> observations_of(const MeasurementGraph<D>& graph, cons
 template <int D>
 void refine_over(const std::shared_ptr<const MeasurementGraph<D>>& graph, JoinResult<D>& result,
                  const JoinOptions& options) {
-  constexpr double kTolerance = 2e-8;  // as in join_all
   const auto start = Clock::now();
   JoinReport& report = result.report;
   report.chi2 = report.chi2_linear = 0.0;
@@ -55,8 +54,9 @@ void refine_over(const std::shared_ptr<const MeasurementGraph<D>>& graph, JoinRe
     Piece<D> piece = to_piece(graph->variables, map.values);
     piece.observations = observations_of(*graph, map);
     ObservationSystem<D> system(*graph, piece, std::span<const std::int32_t>(), places);
-    const RefineResult refined = refine(*graph, piece, system, cholesky, pool,
-                                        options.max_refine_solves, kTolerance, options.progress);
+    const RefineResult refined =
+        refine(*graph, piece, system, cholesky, pool, options.max_refine_solves, kRefineTolerance,
+               options.progress);
     report.chi2_linear += refined.chi2_before;
     report.chi2 += refined.chi2;
     report.refine_solves = std::max(report.refine_solves, refined.solves);
