@@ -13,17 +13,19 @@ namespace mapjoin::cli {
 
 namespace {
 
+/// The maps of the given files, the first of which has been read.
 template <int D>
-AnyLocalMapSet as_sequence(const std::vector<std::string>& paths, std::int64_t first) {
+AnyLocalMapSet as_sequence(const std::vector<detail::LocalMapFile>& files, AnyMap any) {
   LocalMapSet<D> set;
-  set.first_number = static_cast<int>(first);
-  for (const std::string& path : paths) {
-    AnyMap any = read_any_map(path);
+  set.first_number = static_cast<int>(files[0].number);
+  for (std::size_t k = 0; k < files.size(); ++k) {
+    const std::string path = files[k].path.string();
+    if (k > 0) any = read_any_map(path);
     const auto* const map = std::get_if<Map<D>>(&any);
     if (map == nullptr)
       throw InputError(
           fmt::format("{} is {}D but {} is {}D: maps of the plane and of space cannot be joined",
-                      paths[0], D, path, 5 - D));
+                      files[0].path.string(), D, path, 5 - D));
     if (map->information.size() != map->variables().size())
       throw InputError(fmt::format(
           "{} has no information matrix, so it cannot stand as an observation of its variables",
@@ -47,10 +49,9 @@ AnyLocalMapSet read_sequence(const std::filesystem::path& folder, const LocalMap
   const auto native = detail::local_map_files(folder, ".map");
   if (native.empty() || !detail::local_map_files(folder).empty())
     return read_local_maps(folder, options);
-  const std::vector<std::string> paths = native_maps_in(folder);
-  const AnyMap first = read_any_map(paths[0]);
-  return std::holds_alternative<Map<2>>(first) ? as_sequence<2>(paths, native[0].number)
-                                               : as_sequence<3>(paths, native[0].number);
+  AnyMap first = read_any_map(native[0].path);
+  return std::holds_alternative<Map<2>>(first) ? as_sequence<2>(native, std::move(first))
+                                               : as_sequence<3>(native, std::move(first));
 }
 
 }  // namespace mapjoin::cli

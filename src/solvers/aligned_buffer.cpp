@@ -14,12 +14,19 @@ namespace {
 constexpr std::size_t kCacheLine = 64;
 constexpr std::size_t kHugePage = std::size_t{1} << 21;
 
+#if defined(__linux__)
+std::uintptr_t page_size() {
+  static const auto size = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
+  return size;
+}
+#endif
+
 #if defined(__linux__) && defined(MADV_POPULATE_WRITE)
 // All pages at once: a fault each costs several times as much.
 void populate(void* memory, std::size_t bytes) {
   constexpr std::size_t kWorthACall = std::size_t{1} << 16;
   if (bytes < kWorthACall) return;
-  static const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
+  const std::uintptr_t page = page_size();
   const auto first = reinterpret_cast<std::uintptr_t>(memory) / page * page;
   const auto last = (reinterpret_cast<std::uintptr_t>(memory) + bytes) / page * page;
   static_cast<void>(madvise(reinterpret_cast<void*>(first), last - first, MADV_POPULATE_WRITE));
@@ -60,7 +67,7 @@ double* AlignedBuffer::require(std::int64_t size) {
 
 void AlignedBuffer::give_back(std::int64_t begin, std::int64_t end) {
 #if defined(__linux__)
-  static const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
+  const std::uintptr_t page = page_size();
   const auto first = (reinterpret_cast<std::uintptr_t>(data() + begin) + page - 1) / page * page;
   const auto last = reinterpret_cast<std::uintptr_t>(data() + end) / page * page;
   if (first < last)
