@@ -33,30 +33,8 @@ Map<2> joined_map(const SimulatedLog& simulated, double maps, Builder builder) {
   return std::move(solved.result.maps.at(0));
 }
 
-/// The part of the coordinates of all poses and features, in the frame of the first pose, that is
-/// within two standard deviations of the truth.
-double share_inside(const Map<2>& map, const Values<2>& truth) {
-  const CovarianceBlocks blocks = Covariance<2>(map).blocks();
-  const Values<2> there = [&] {
-    std::vector<int> kept = numbers_in(map.variables(), truth.variables());
-    return subset(truth, std::span<const int>(kept));
-  }();
-  const Eigen::VectorXd e = map.values.local(there);
-  int inside = 0;
-  int all = 0;
-  for (std::size_t k = 0; k < blocks.size(); ++k) {
-    const auto block = blocks.block(k);
-    const int first = map.variables().offset(blocks.variables[k]);
-    for (int s = 0; s < blocks.dims[k]; ++s) {
-      if (!(block(s, s) > 0.0)) continue;  // what the frame pins
-      ++all;
-      inside += std::abs(e(first + s)) <= 2.0 * std::sqrt(block(s, s)) ? 1 : 0;
-    }
-  }
-  return static_cast<double>(inside) / all;
-}
-
-/// The same of every fourth feature as seen from the nearest pose of the map, where a common error
+/// The share of the coordinates of every fourth feature that is within two standard deviations of
+/// the truth, as seen from the nearest pose of the map, where a common error
 /// of all, such as a turn of the whole, does not count once for each: one run is enough.
 double share_inside_nearby(const Map<2>& map, const Values<2>& truth) {
   const Covariance<2> covariance(map);
@@ -92,7 +70,7 @@ struct Runs {
   void add(const LogSimulationOptions& world, double maps) {
     const SimulatedLog simulated = simulate_log(world);
     const Map<2> map = joined_map(simulated, maps, builder);
-    shares.push_back(share_inside(map, simulated.truth));
+    shares.push_back(coverage(map, simulated.truth).share());
     const Consistency c = consistency(map, simulated.truth);
     nees += c.nees;
     dimension += c.dimension;
