@@ -46,8 +46,8 @@ class EliminationWalk {
                   JoinReport& report)
       : graph_(graph), options_(options), pool_(pool), report_(report) {
     Places places(graph.variables.size());
-    system_ = std::make_unique<ObservationSystem<D>>(graph, everything(graph),
-                                                     std::span<const std::int32_t>(), places);
+    system_ = std::make_unique<ObservationSystem<D>>(
+        graph, everything(graph), std::span<const std::int32_t>(), places, &pool);
     const auto observations = static_cast<std::int64_t>(graph.size());
     cuts_ = cut_tree(system_->structure(), observations, options.leaf_variables, arity_of(options));
     results_.resize(cuts_.size());

@@ -118,8 +118,8 @@ JoinedPieces<D> join_pieces_in_world(const MeasurementGraph<D>& graph,
   Places places(graph.variables.size());
   for (Piece<D>& piece : out.pieces) {
     std::sort(piece.observations.begin(), piece.observations.end());
-    auto system = std::make_unique<ObservationSystem<D>>(graph, piece,
-                                                         std::span<const std::int32_t>(), places);
+    auto system = std::make_unique<ObservationSystem<D>>(
+        graph, piece, std::span<const std::int32_t>(), places, &pool);
     if (out.cholesky == nullptr) out.cholesky = cholesky_for(*system, options);
     for (int k = 0; k < report.root_solves; ++k)
       linear_step(graph, piece, *system, *out.cholesky, pool);
@@ -205,8 +205,8 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
   for (Piece<D>& piece : pieces) {
     std::unique_ptr<ObservationSystem<D>> planned = std::move(joined.system);
     if (planned == nullptr)
-      planned = std::make_unique<ObservationSystem<D>>(graph, piece,
-                                                       std::span<const std::int32_t>(), places);
+      planned = std::make_unique<ObservationSystem<D>>(
+          graph, piece, std::span<const std::int32_t>(), places, &pool);
     ObservationSystem<D>& system = *planned;
     if (options.mode == Mode::kOptimal) {
       const auto refine_start = Clock::now();

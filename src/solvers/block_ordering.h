@@ -14,28 +14,17 @@
 #include <span>
 #include <vector>
 
+#include "mapjoin/solvers/block_graph.h"
+#include "mapjoin/solvers/worker_pool.h"
+
 namespace mapjoin {
 
-/// Clique k touches the variables vars[start[k]] .. vars[start[k + 1] - 1], all different. A view:
-/// owns nothing.
-struct Cliques {
-  std::span<const std::int64_t> start;  ///< size() + 1 entries, start[0] == 0
-  std::span<const std::int32_t> vars;
-
-  std::int64_t size() const {
-    return start.empty() ? 0 : static_cast<std::int64_t>(start.size()) - 1;
-  }
-  std::span<const std::int32_t> operator[](std::int64_t k) const {
-    return vars.subspan(static_cast<std::size_t>(start[k]),
-                        static_cast<std::size_t>(start[k + 1] - start[k]));
-  }
-};
-
 enum class OrderingMethod {
-  kAutomatic,         ///< minimum degree; where that makes much work, the better of both
-  kMinimumDegree,     ///< AMD: fastest, and best for most pose graphs
-  kNestedDissection,  ///< METIS: 10 times slower, less fill on large 2D grids, wider trees for
-                      /// threads
+  kAutomatic,         ///< nested dissection of what is large once chains of poses are taken out,
+                      ///< else minimum degree
+  kMinimumDegree,     ///< AMD: fastest, and best for small graphs
+  kNestedDissection,  ///< less fill on large graphs, wider trees for threads (nested_dissection.h)
+  kMetis,             ///< METIS's own: as good, five times slower; to compare with
   kNatural,           ///< variable 0 first: for teaching and tests
 };
 
@@ -44,25 +33,15 @@ struct OrderingOptions {
   int seed = 0;  ///< of METIS; equal seeds give equal orders
 };
 
-/// The block graph: row v of `neighbours` lists every variable that shares a clique with v, each
-/// once, v itself not.
-struct BlockGraph {
-  std::vector<std::int32_t> start;       ///< variables + 1 entries
-  std::vector<std::int32_t> neighbours;  ///< start.back() entries; may have spare capacity
-};
-
-/// Cost: the sum of the squared clique sizes. Throws InputError beyond 2^31 pairs
-/// and for a variable that does not exist.
-BlockGraph block_graph(std::int32_t variables, Cliques cliques);
-
 /// A minimum degree order in which all variables with late[v] == 0 come before those with 1 (CAMD).
 /// Deterministic. Errors as block_graph.
 std::vector<std::int32_t> order_blocks_in_two(std::span<const char> late, Cliques cliques);
 
 /// Returns `order`: order[k] is the variable eliminated k-th. `dims` (one entry per variable, at
-/// least 1) weigh the variables for nested dissection. Deterministic. Errors as block_graph;
-/// Error when METIS fails.
+/// least 1) weigh the variables for METIS. Deterministic, and the same for any number of threads;
+/// without a pool, one. Errors as block_graph; Error when METIS fails.
 std::vector<std::int32_t> order_blocks(std::span<const std::int32_t> dims, Cliques cliques,
-                                       const OrderingOptions& options = {});
+                                       const OrderingOptions& options = {},
+                                       WorkerPool* pool = nullptr);
 
 }  // namespace mapjoin

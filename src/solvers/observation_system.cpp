@@ -17,19 +17,21 @@ std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 template <int D>
 ObservationSystem<D>::ObservationSystem(const MeasurementGraph<D>& graph, const Piece<D>& piece,
-                                        std::span<const std::int32_t> rank, Places& places)
+                                        std::span<const std::int32_t> rank, Places& places,
+                                        WorkerPool* pool)
     : graph_(graph), list_(graph, piece, places), cliques_(list_.cliques()) {
   hold_gauge(piece);
-  plan(piece, rank);
+  plan(piece, rank, pool);
   sort_by_front(piece);
 }
 
 template <int D>
-void ObservationSystem<D>::plan(const Piece<D>& piece, std::span<const std::int32_t> rank) {
+void ObservationSystem<D>::plan(const Piece<D>& piece, std::span<const std::int32_t> rank,
+                                WorkerPool* pool) {
   const Cliques view{cliques_.start, cliques_.variables};
   std::vector<std::int32_t> order;
   if (rank.empty()) {
-    order = order_blocks(list_.dims(), view);
+    order = order_blocks(list_.dims(), view, {}, pool);
   } else {
     order.resize(piece.variables.size());
     std::iota(order.begin(), order.end(), 0);

@@ -45,9 +45,9 @@ class ObservationSystem {
 
   /// Plans the system of piece.observations over piece.variables. `rank` orders the elimination:
   /// lower is sooner, one entry for each variable of the graph; empty: a fill-reducing order is
-  /// computed. O(fill of the factor's pattern).
+  /// computed, on the threads of `pool` if there is one. O(fill of the factor's pattern).
   ObservationSystem(const MeasurementGraph<D>& graph, const Piece<D>& piece,
-                    std::span<const std::int32_t> rank, Places& places);
+                    std::span<const std::int32_t> rank, Places& places, WorkerPool* pool = nullptr);
 
   /// Solves A^T I_Z A d = A^T I_Z Z at the piece's values. `increment` becomes d, in the order of
   /// the piece's variables. Same bits for any number of threads of the pool.
@@ -101,7 +101,7 @@ class ObservationSystem {
 
   void hold_gauge(const Piece<D>& piece);
   void weigh_held(const Piece<D>& piece);
-  void plan(const Piece<D>& piece, std::span<const std::int32_t> rank);
+  void plan(const Piece<D>& piece, std::span<const std::int32_t> rank, WorkerPool* pool);
   void sort_by_front(const Piece<D>& piece);
   RelativeBatch<D> batch(const Relative& relative, const Piece<D>& piece, std::int64_t first,
                          std::int64_t last) const;

@@ -343,39 +343,6 @@ TEST(FrontalCholesky, SaysWhereItCannotWriteAFactor) {
   }
 }
 
-TEST(BlockOrdering, ListsEachNeighbourOnce) {
-  const std::vector<std::int64_t> start = {0, 2, 4, 7, 8};
-  const std::vector<std::int32_t> vars = {0, 1, 1, 0, 0, 1, 3, 2};
-  const BlockGraph graph = block_graph(4, {start, vars});
-  EXPECT_EQ(graph.start, (std::vector<std::int32_t>{0, 2, 4, 4, 6}));
-  EXPECT_EQ(graph.neighbours, (std::vector<std::int32_t>{1, 3, 0, 3, 0, 1}));
-}
-
-TEST(BlockOrdering, IsAPermutationForEveryMethod) {
-  const Problem problem = random_problem(100, 130, 21);
-  for (const OrderingMethod method :
-       {OrderingMethod::kAutomatic, OrderingMethod::kMinimumDegree,
-        OrderingMethod::kNestedDissection, OrderingMethod::kNatural}) {
-    auto order = order_blocks(problem.dims(), problem.cliques(), {.method = method});
-    EXPECT_EQ(order, order_blocks(problem.dims(), problem.cliques(), {.method = method}));
-    std::sort(order.begin(), order.end());
-    for (int v = 0; v < 100; ++v) EXPECT_EQ(order[v], v);
-  }
-}
-
-TEST(BlockOrdering, IsTheBetterOfBothWhereThereIsMuchWork) {
-  for (const int side : {20, 150}) {
-    const Problem problem = grid_problem(side, side, 5);
-    const auto flops = [&](OrderingMethod method) {
-      return elimination_flops(problem.dims(), problem.cliques(),
-                               order_blocks(problem.dims(), problem.cliques(), {.method = method}));
-    };
-    const double quick = flops(OrderingMethod::kMinimumDegree);
-    const double dissected = flops(OrderingMethod::kNestedDissection);
-    EXPECT_EQ(flops(OrderingMethod::kAutomatic), side == 20 ? quick : std::min(quick, dissected));
-  }
-}
-
 TEST(EliminationFlops, AreThoseOfTheDenseFactorizationWhereAllIsCoupled) {
   const std::vector<std::int32_t> dims = {3, 2, 6, 1};
   const std::vector<std::int64_t> start = {0, 4};
@@ -393,13 +360,6 @@ TEST(EliminationFlops, AreThoseOfFrontsThatStoreNoZeros) {
                                            order_blocks(problem.dims(), problem.cliques()));
   EXPECT_LT(counted, fronts);  // which eliminate the right-hand side as well
   EXPECT_GT(counted, 0.9 * fronts);
-}
-
-TEST(BlockOrdering, RefusesAVariableThatDoesNotExist) {
-  const std::vector<std::int32_t> dims = {3, 3};
-  const std::vector<std::int64_t> start = {0, 2};
-  const std::vector<std::int32_t> vars = {0, 2};
-  EXPECT_THROW(order_blocks(dims, {start, vars}), InputError);
 }
 
 TEST(Fronts, RefuseAnOrderThatIsNotAPermutation) {
