@@ -113,10 +113,12 @@ class EliminationWalk {
   std::span<const std::int32_t> rank() const { return system_->structure().position; }
 
   /// The local maps of a task's groups.
-  std::vector<Piece<D>> lay_out(const CutTask& task, Desk& desk) const {
+  std::vector<Piece<D>> lay_out(const CutTask& task, Desk& desk) {
     std::vector<Piece<D>> pieces;
     for (std::size_t g = task.first; g < task.end; ++g) {
-      for (Piece<D>& piece : leaf_pieces(graph_, cuts_[at(task.cut)].groups[g], desk.places))
+      std::vector<std::int64_t>& group = cuts_[at(task.cut)].groups[g];
+      std::sort(group.begin(), group.end());
+      for (Piece<D>& piece : leaf_pieces(graph_, group, desk.places))
         pieces.push_back(std::move(piece));
     }
     return pieces;

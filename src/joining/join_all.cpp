@@ -141,7 +141,7 @@ RefineResult refine_uncoiled(const MeasurementGraph<D>& graph, Piece<D>& piece,
                   options.progress, last);
   };
   std::size_t laid = 0;
-  std::vector<int> coiled = coiled_poses(graph, piece, places);
+  std::vector<int> coiled = coiled_poses(graph, piece, places, pool);
   const double linear = coiled.empty() ? 0.0 : system.chi2(piece, pool);
   if (!coiled.empty()) {
     lay_anew(graph, piece, places, coiled);
@@ -150,7 +150,7 @@ RefineResult refine_uncoiled(const MeasurementGraph<D>& graph, Piece<D>& piece,
   RefineResult result = refine_from(coiled.empty() ? last_solve : LastSolve());
   if (!coiled.empty()) result.chi2_before = linear;
   for (int round = 0; round < kRounds; ++round) {
-    coiled = coiled_poses(graph, piece, places);
+    coiled = coiled_poses(graph, piece, places, pool);
     if (coiled.empty()) break;
     const std::vector<std::vector<double>> before = piece.data;
     lay_anew(graph, piece, places, coiled);

@@ -95,7 +95,6 @@ class TreeCutter {
       --f;
     }
     if (!path.empty()) cut.groups.push_back(std::move(path));
-    for (auto& group : cut.groups) std::sort(group.begin(), group.end());
   }
 
   const FrontalStructure& s_;

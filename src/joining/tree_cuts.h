@@ -16,12 +16,12 @@ struct Cut {
   std::int64_t variables = 0;          ///< of the whole subtree
   std::vector<std::int32_t> children;  ///< cuts below
   std::vector<std::vector<std::int64_t>>
-      groups;  ///< observations of the fronts between, in connected handfuls, each ascending
+      groups;  ///< observations of the fronts between, in connected handfuls
 };
 
 /// Cuts a tree where subtrees first exceed leaf, arity * leaf, arity^2 * leaf, ... variables, and
 /// at its roots: children before parents. The first `observations` cliques of the structure are
-/// observations; each is in one group of one cut. O(fronts + cliques) and a sort of each group.
+/// observations; each is in one group of one cut. O(fronts + cliques).
 std::vector<Cut> cut_tree(const FrontalStructure& structure, std::int64_t observations, int leaf,
                           int arity);
 

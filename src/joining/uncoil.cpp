@@ -28,14 +28,14 @@ struct Link {
   }
 };
 
-/// Calls f(link) for all relative measurements of the piece; places must be marked.
+/// Calls f(link) for all relative measurements among some of a piece; places must be marked.
 template <int D, class F>
-void for_each_link(const MeasurementGraph<D>& graph, const Piece<D>& piece, const Places& places,
-                   F&& f) {
+void for_each_link(const MeasurementGraph<D>& graph, std::span<const std::int64_t> observations,
+                   const Places& places, F&& f) {
   std::vector<std::int64_t> first{0};
   for (const auto& column : graph.relative)
     first.push_back(first.back() + static_cast<std::int64_t>(column.size()));
-  for (const std::int64_t o : piece.observations) {
+  for (const std::int64_t o : observations) {
     if (o >= first.back()) continue;
     std::size_t c = 0;
     while (o >= first[c + 1]) ++c;
@@ -72,12 +72,13 @@ struct Strained {
 
 template <int D>
 std::vector<Strained> strained_links(const MeasurementGraph<D>& graph, const Piece<D>& piece,
+                                     std::span<const std::int64_t> observations,
                                      const Places& places) {
   const Poses<D> pose(graph.variables, piece);
   const double least_trace = D - 2 + 2.0 * std::cos(kStrained);
   std::vector<Strained> out;
   if (pose.none()) return out;
-  for_each_link(graph, piece, places, [&](const Link<D>& link) {
+  for_each_link(graph, observations, places, [&](const Link<D>& link) {
     if (link.column->kind != &kind_of<PoseType<D>>()) return;
     const Rigid<D>& z = *reinterpret_cast<const Rigid<D>*>(link.z());
     const Mat<D, D> between = pose[link.from].R.transpose() * pose[link.to].R;
@@ -87,13 +88,32 @@ std::vector<Strained> strained_links(const MeasurementGraph<D>& graph, const Pie
   return out;
 }
 
+/// Those of all its observations, in their order: each thread looks at a stretch.
+template <int D>
+std::vector<Strained> strained_links(const MeasurementGraph<D>& graph, const Piece<D>& piece,
+                                     const Places& places, WorkerPool& pool) {
+  const auto threads = static_cast<std::size_t>(pool.threads());
+  const std::span<const std::int64_t> all = piece.observations;
+  const std::size_t stretch = all.size() / threads + 1;
+  std::vector<std::vector<Strained>> found(threads);
+  pool.run([&](int thread) {
+    const auto t = static_cast<std::size_t>(thread);
+    const std::size_t begin = std::min(all.size(), t * stretch);
+    found[t] = strained_links(graph, piece,
+                              all.subspan(begin, std::min(stretch, all.size() - begin)), places);
+  });
+  for (std::size_t t = 1; t < threads; ++t)
+    found[0].insert(found[0].end(), found[t].begin(), found[t].end());
+  return std::move(found[0]);
+}
+
 }  // namespace
 
 template <int D>
 std::vector<int> coiled_poses(const MeasurementGraph<D>& graph, const Piece<D>& piece,
-                              Places& places) {
+                              Places& places, WorkerPool& pool) {
   places.mark(piece.variables);
-  const std::vector<Strained> strained = strained_links(graph, piece, places);
+  const std::vector<Strained> strained = strained_links(graph, piece, places, pool);
   places.clear(piece.variables);
 
   std::vector<int> poses;
@@ -129,7 +149,7 @@ void lay_anew(const MeasurementGraph<D>& graph, Piece<D>& piece, Places& places,
   std::vector<Link<D>> between, sights;
   std::vector<char> seen_elsewhere(static_cast<std::size_t>(piece.size()), 0);
   places.mark(piece.variables);
-  for_each_link(graph, piece, places, [&](const Link<D>& link) {
+  for_each_link(graph, std::span(piece.observations), places, [&](const Link<D>& link) {
     if (link.column->kind == &kind_of<PoseType<D>>()) {
       if (is_laid(link.from) == 0 || is_laid(link.to) == 0) between.push_back(link);
     } else if (is_laid(link.from) == 0) {
@@ -171,9 +191,10 @@ void lay_anew(const MeasurementGraph<D>& graph, Piece<D>& piece, Places& places,
   }
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                                     \
-  template std::vector<int> coiled_poses<D>(const MeasurementGraph<D>&, const Piece<D>&, Places&); \
-  template void lay_anew<D>(const MeasurementGraph<D>&, Piece<D>&, Places&,                        \
+#define MAPJOIN_INSTANTIATE(D)                                                                    \
+  template std::vector<int> coiled_poses<D>(const MeasurementGraph<D>&, const Piece<D>&, Places&, \
+                                            WorkerPool&);                                         \
+  template void lay_anew<D>(const MeasurementGraph<D>&, Piece<D>&, Places&,                       \
                             const std::vector<int>&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

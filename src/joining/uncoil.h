@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "mapjoin/graph/piece.h"
+#include "mapjoin/solvers/worker_pool.h"
 
 namespace mapjoin {
 
@@ -18,10 +19,10 @@ namespace mapjoin {
 /// differ by more than 0.2 rad; strained measurements that hang together are a coil when these
 /// angles sum up to more than half a turn.
 /// \returns places in the piece, ascending; nothing where nothing is wound up, which takes one
-/// sweep over the relative poses of the piece.
+/// sweep over the relative poses of the piece, on all threads of the pool. The same for any number.
 template <int D>
 std::vector<int> coiled_poses(const MeasurementGraph<D>& graph, const Piece<D>& piece,
-                              Places& places);
+                              Places& places, WorkerPool& pool);
 
 /// Lays poses anew, from those around them inwards along the fewest measurements: what is left of
 /// a chain's error then meets in one measurement, the shorter way round. Variables that only these

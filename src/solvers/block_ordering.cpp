@@ -19,8 +19,9 @@ using Index = std::int32_t;
 /// neighbour in the graph. Where minimum degree's order makes more work, it is worth its time: what
 /// it saves, a join and its refinement save several times.
 constexpr double kDissectionFlops = 4e3;
-/// Variables, chains aside, from which nobody asks minimum degree: its order would make more work.
-constexpr Index kLargeGraph = 16000;
+/// Variables, chains aside, below which dissection has too few levels to do better than minimum
+/// degree, and from which nobody asks minimum degree: its order would make more work.
+constexpr Index kSmallGraph = 4000, kLargeGraph = 16000;
 
 std::vector<Index> metis_order(std::span<const Index> dims, BlockGraph graph, int seed) {
   auto n = static_cast<idx_t>(dims.size());
@@ -37,32 +38,34 @@ std::vector<Index> metis_order(std::span<const Index> dims, BlockGraph graph, in
   return order;
 }
 
-/// Chains first, then the rest by nested dissection.
-std::vector<Index> dissect(const ReducedGraph& reduced, int seed, WorkerPool* pool) {
-  WorkerPool alone;
-  std::vector<Index> order = reduced.eliminated;
-  for (const Index v : nested_dissection(reduced.graph, seed, pool != nullptr ? *pool : alone))
-    order.push_back(reduced.variable[static_cast<std::size_t>(v)]);
-  return order;
+/// Chains first, then the rest in its order.
+std::vector<Index> after_chains(const ReducedGraph& reduced, std::span<const Index> order) {
+  std::vector<Index> out = reduced.eliminated;
+  out.reserve(out.size() + order.size());
+  for (const Index v : order) out.push_back(reduced.variable[static_cast<std::size_t>(v)]);
+  return out;
 }
 
-std::vector<Index> automatic_order(std::span<const Index> dims, Cliques cliques, BlockGraph graph,
-                                   int seed, WorkerPool* pool) {
-  const double entries = static_cast<double>(graph.size()) + graph.start.back();
+std::vector<Index> dissect(const ReducedGraph& reduced, int seed, WorkerPool* pool) {
+  WorkerPool alone;
+  return after_chains(reduced,
+                      nested_dissection(reduced.graph, seed, pool != nullptr ? *pool : alone));
+}
+
+std::vector<Index> automatic_order(std::span<const Index> dims, Cliques cliques,
+                                   const ReducedGraph& reduced, int seed, WorkerPool* pool) {
+  if (reduced.graph.size() >= kLargeGraph) return dissect(reduced, seed, pool);
+  const MinimumDegreeOrder quick = minimum_degree(reduced.graph);
+  std::vector<Index> order = after_chains(reduced, quick.order);
+  const double entries = static_cast<double>(reduced.graph.size()) + reduced.graph.start.back();
   const double block =
       std::accumulate(dims.begin(), dims.end(), 0.0) / static_cast<double>(dims.size());
-  const ReducedGraph reduced = eliminate_chains(graph);
-  if (reduced.graph.size() < kLargeGraph) {
-    MinimumDegreeOrder quick = minimum_degree(std::move(graph));
-    const double flops = 2.0 * quick.multiplications * block * block * block;
-    if (flops < kDissectionFlops * entries) return std::move(quick.order);
-    std::vector<Index> dissected = dissect(reduced, seed, pool);
-    return elimination_flops(dims, cliques, dissected) <
-                   elimination_flops(dims, cliques, quick.order)
-               ? std::move(dissected)
-               : std::move(quick.order);
-  }
-  return dissect(reduced, seed, pool);
+  const double flops = 2.0 * quick.multiplications * block * block * block;
+  if (reduced.graph.size() < kSmallGraph || flops < kDissectionFlops * entries) return order;
+  std::vector<Index> dissected = dissect(reduced, seed, pool);
+  return elimination_flops(dims, cliques, dissected) < elimination_flops(dims, cliques, order)
+             ? dissected
+             : order;
 }
 
 }  // namespace
@@ -81,17 +84,14 @@ std::vector<std::int32_t> order_blocks(std::span<const std::int32_t> dims, Cliqu
     return order;
   }
   BlockGraph graph = block_graph(static_cast<Index>(dims.size()), cliques);
-  switch (options.method) {
-    case OrderingMethod::kMetis:
-      return metis_order(dims, std::move(graph), options.seed);
-    case OrderingMethod::kNestedDissection:
-      return dissect(eliminate_chains(std::move(graph)), options.seed, pool);
-    case OrderingMethod::kMinimumDegree:
-      return minimum_degree(std::move(graph)).order;
-    default:
-      break;
-  }
-  return automatic_order(dims, cliques, std::move(graph), options.seed, pool);
+  if (options.method == OrderingMethod::kMetis)
+    return metis_order(dims, std::move(graph), options.seed);
+  if (options.method == OrderingMethod::kMinimumDegree)
+    return minimum_degree(std::move(graph)).order;
+  const ReducedGraph reduced = eliminate_chains(std::move(graph));
+  return options.method == OrderingMethod::kNestedDissection
+             ? dissect(reduced, options.seed, pool)
+             : automatic_order(dims, cliques, reduced, options.seed, pool);
 }
 
 }  // namespace mapjoin

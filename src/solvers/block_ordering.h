@@ -20,8 +20,8 @@
 namespace mapjoin {
 
 enum class OrderingMethod {
-  kAutomatic,         ///< nested dissection of what is large once chains of poses are taken out,
-                      ///< else minimum degree
+  kAutomatic,         ///< chains of poses first; the rest, if large, by nested dissection, else by
+                      ///< minimum degree
   kMinimumDegree,     ///< AMD: fastest, and best for small graphs
   kNestedDissection,  ///< less fill on large graphs, wider trees for threads (nested_dissection.h)
   kMetis,             ///< METIS's own: as good, five times slower; to compare with

@@ -82,6 +82,8 @@ void ObservationSystem<D>::weigh_held(const Piece<D>& piece) {
       return !std::binary_search(chosen.begin(), chosen.end(), s);
     });
   }
+  std::vector<char> is_held(list_.dims().size(), 0);
+  for (const Held& held : held_) is_held[at(held.variable)] = 1;
   SubmapScratch scratch;
   Eigen::MatrixXd H;
   int seen = 0;
@@ -89,6 +91,7 @@ void ObservationSystem<D>::weigh_held(const Piece<D>& piece) {
                            seen < kEnough * static_cast<int>(held_.size());
        ++k) {
     const auto clique = list_.clique(k);
+    if (std::ranges::none_of(clique, [&](std::int32_t v) { return is_held[at(v)] != 0; })) continue;
     bool evaluated = false;
     for (Held& held : held_) {
       const auto found = std::find(clique.begin(), clique.end(), held.variable);

@@ -98,11 +98,12 @@ TYPED_TEST(Coils, AreFoundAndLaidSoThatRefinementEndsInTheOptimum) {
   Piece<TestFixture::D> straight = this->wound(0.0), wound = this->wound(1.0);
   const double optimum = this->refined(straight);
   Places places(this->graph.variables.size());
-  const std::vector<int> coiled = coiled_poses(this->graph, wound, places);
+  WorkerPool pool(2);
+  const std::vector<int> coiled = coiled_poses(this->graph, wound, places, pool);
   ASSERT_GE(coiled.size(), 10U);
   EXPECT_GE(wound.variables[static_cast<std::size_t>(coiled.front())], 0);
   lay_anew(this->graph, wound, places, coiled);
-  EXPECT_TRUE(coiled_poses(this->graph, wound, places).empty());
+  EXPECT_TRUE(coiled_poses(this->graph, wound, places, pool).empty());
   EXPECT_NEAR(this->refined(wound), optimum, 1e-9 * optimum);
   EXPECT_LT(distance(to_values(this->graph.variables, wound), this->truth), 0.5);
 }
@@ -110,9 +111,10 @@ TYPED_TEST(Coils, AreFoundAndLaidSoThatRefinementEndsInTheOptimum) {
 TYPED_TEST(Coils, AreNoneWherePosesAreOnlyTurnedALittle) {
   this->build(0.01);
   Places places(this->graph.variables.size());
-  EXPECT_TRUE(coiled_poses(this->graph, this->wound(0.0), places).empty());
-  EXPECT_TRUE(coiled_poses(this->graph, this->turned(15, 0.5), places).empty());
-  EXPECT_FALSE(coiled_poses(this->graph, this->turned(15, 2.0), places).empty());
+  WorkerPool pool;
+  EXPECT_TRUE(coiled_poses(this->graph, this->wound(0.0), places, pool).empty());
+  EXPECT_TRUE(coiled_poses(this->graph, this->turned(15, 0.5), places, pool).empty());
+  EXPECT_FALSE(coiled_poses(this->graph, this->turned(15, 2.0), places, pool).empty());
 }
 
 TYPED_TEST(Coils, LeaveWhatNothingReachesWhereItIs) {
