@@ -68,11 +68,12 @@ std::string frame_comment(const Anchor<D>& anchor) {
 }
 
 template <int D>
-JoinResult<D> solve_interruptibly(const JoinArguments& arguments,
+JoinResult<D> solve_interruptibly(const JoinArguments& arguments, bool information,
                                   const std::function<JoinResult<D>(const JoinOptions&)>& solve) {
   Interruptible::check();
   ProgressBar bar;
   JoinOptions options = join_options(arguments);
+  options.information = information;
   options.progress = bar.callback();
   return solve(options);
 }
@@ -118,7 +119,9 @@ void run(Job job, const VariableSet<D>& variables,
   const Interruptible interruptible;
   const Stopwatch solving;
   const std::clock_t before = std::clock();
-  JoinResult<D> result = solve_interruptibly<D>(job.arguments, solve);
+  // Written to native maps; to change a frame one has to know how well it is determined.
+  const bool information = anchor || output_format(job.arguments.output) == OutputFormat::kNative;
+  JoinResult<D> result = solve_interruptibly<D>(job.arguments, information, solve);
   if (anchor) into_frame(result.maps, *anchor);
   for (const Map<D>& map : result.maps) report.frames.push_back(to_string(map.anchor));
   report.seconds.solve = solving.seconds();
