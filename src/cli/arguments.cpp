@@ -111,6 +111,14 @@ void add_join_arguments(CLI::App& command, JoinArguments& a) {
                   "Stay within this much memory, as in 600MB or 4GB: what does not fit is kept in "
                   "files; the result is the same, to the bit")
       ->transform(CLI::AsSizeValue(false))
+      ->check([](const std::string& bytes) {
+        constexpr double kLeast = 1e6;
+        return std::stod(bytes) >= kLeast ? std::string()
+                                          : bytes +
+                                                " bytes are less than any run needs; did you "
+                                                "mean " +
+                                                bytes + "MB?";
+      })
       ->type_name("SIZE");
   command
       .add_option("--scratch", a.scratch,

@@ -152,7 +152,7 @@ std::uint64_t fingerprint(const MeasurementGraph<D>& graph, const JoinOptions& o
   hash.add(maps.information);
   for (const std::int64_t option :
        {static_cast<std::int64_t>(D), static_cast<std::int64_t>(options.mode),
-        static_cast<std::int64_t>(options.leaf_variables),
+        static_cast<std::int64_t>(leaf_of(options)),
         static_cast<std::int64_t>(arity_of(options))}) {
     hash.add(static_cast<std::uint64_t>(option));
   }

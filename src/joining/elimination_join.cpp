@@ -49,7 +49,7 @@ class EliminationWalk {
     system_ = std::make_unique<ObservationSystem<D>>(
         graph, everything(graph), std::span<const std::int32_t>(), places, &pool);
     const auto observations = static_cast<std::int64_t>(graph.size());
-    cuts_ = cut_tree(system_->structure(), observations, options.leaf_variables, arity_of(options));
+    cuts_ = cut_tree(system_->structure(), observations, leaf_of(options), arity_of(options));
     results_.resize(cuts_.size());
     const FactorResidence residence =
         factor_residence(options, system_->statistics(), pool.threads());

@@ -21,7 +21,7 @@ namespace {
 
 void check(const JoinOptions& options) {
   if (options.threads < 1) throw InputError("threads must be at least 1");
-  if (options.leaf_variables < 1) throw InputError("leaf_variables must be at least 1");
+  if (options.leaf_variables < 0) throw InputError("leaf_variables must be at least 1, or 0");
   if (options.arity != 0 && options.arity < 2) throw InputError("arity must be at least 2, or 0");
   if (options.memory_limit < 0) throw InputError("memory_limit must not be negative");
   const bool observing = options.mode == Mode::kObserve || options.mode == Mode::kOptimal;
@@ -43,7 +43,7 @@ JoinTree make_tree(const MeasurementGraph<D>& graph, std::span<const Key> order,
     return sequential_tree(local_maps_of(graph, order));
   if (options.tree == TreeShape::kOrder)
     return divide_and_conquer_tree(local_maps_of(graph, order));
-  return graph_tree(graph, options.leaf_variables, arity_of(options));
+  return graph_tree(graph, leaf_of(options), arity_of(options));
 }
 
 /// Writes a piece in the frame of its lowest pose. \returns that anchor; none where there is no

@@ -54,11 +54,12 @@ struct JoinOptions {
   /// threads takes as long as a join of a hundred poses. Used by one call at a time; in place of
   /// `threads`. Empty: each call has its own.
   std::shared_ptr<WorkerPool> workers;
-  int leaf_variables = 32;  ///< variables a leaf of the graph tree holds, about
-  int arity = 0;            ///< maps joined at once in the graph tree; 0: the mode's own (summary
-                            ///< 4, observe and optimal 16)
-  int root_solves = 0;      ///< linear solves at the root; 0: the mode's own (paper and summary 1,
-                            ///< observe and optimal 2)
+  int leaf_variables = 0;  ///< variables a leaf of the graph tree holds, about; 0: the mode's own
+                           ///< (summary 32, observe and optimal 64)
+  int arity = 0;           ///< maps joined at once in the graph tree; 0: the mode's own (summary
+                           ///< 4, observe and optimal 32)
+  int root_solves = 0;     ///< linear solves at the root; 0: the mode's own (paper and summary 1,
+                           ///< observe and optimal 2)
   int max_refine_solves = 100;
   bool information = true;  ///< also compute the information matrix of the result
   ProgressCallback progress;

@@ -24,7 +24,13 @@ inline double seconds_since(Clock::time_point start) {
 /// moves is carried on with the old information, so there fewer at a time are better.
 inline int arity_of(const JoinOptions& options) {
   if (options.arity > 0) return options.arity;
-  return options.mode == Mode::kSummary ? 4 : 16;
+  return options.mode == Mode::kSummary ? 4 : 32;
+}
+
+/// Variables of a leaf, about, where nobody asks for another number.
+inline int leaf_of(const JoinOptions& options) {
+  if (options.leaf_variables > 0) return options.leaf_variables;
+  return options.mode == Mode::kSummary ? 32 : 64;
 }
 
 /// Fills in what a report says of its input.

@@ -234,7 +234,7 @@ JoinTree summary_tree(const MeasurementGraph<D>& graph, std::span<const Key> ord
                       const JoinOptions& options) {
   if (options.mode == Mode::kSummary && options.tree == TreeShape::kGraph &&
       options.strategy == Strategy::kDivideAndConquer) {
-    return graph_tree(graph, options.leaf_variables, arity_of(options));
+    return graph_tree(graph, leaf_of(options), arity_of(options));
   }
   const auto maps = local_maps_of(graph, order);
   return options.strategy == Strategy::kSequential ? sequential_tree(maps)

@@ -14,7 +14,7 @@ using Index = std::int32_t;
 
 // All by measurement, on streets, corridors, spheres, tori and landmarks of 10^3 to 10^6 variables:
 // docs/decisions.md.
-constexpr std::int64_t kClusterSize = 16;   // variables, where there are many
+constexpr std::int64_t kClusterSize = 32;   // variables, where there are many
 constexpr std::int64_t kFewClusters = 256;  // a graph has this many, if it has as many variables
 constexpr int kRings = 8;                   // neighbours of neighbours ... that a cut may move by
 constexpr Index kMostOfSide = 4;            // but through no more than this fraction of a side

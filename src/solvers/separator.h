@@ -12,7 +12,7 @@ namespace mapjoin {
 /// Parts graphs. One object for many graphs keeps its memory.
 ///
 /// Variables are first gathered in clusters; METIS finds a separator among these, a graph of some
-/// hundred vertices or a sixteenth of all; what it says is laid on the variables, and within a wide
+/// hundred vertices or a thirtieth of all; what it says is laid on the variables, and within a wide
 /// band about it the smallest cut is found. That takes a fraction of the time METIS needs for the
 /// graph itself, and as its refinement only looks one vertex ahead, the cuts are no larger.
 class SeparatorFinder {

@@ -137,5 +137,11 @@ TEST_F(Limits, AreRefusedWhereTheyMeanNothing) {
   }
 }
 
+TEST_F(Limits, AMemoryLimitWithoutItsUnitIsAskedAbout) {
+  const std::string world = simulate("manhattan", 50);
+  expect_refused({"solve", world, "--memory-limit", "13000", "--output", file("out.g2o")},
+                 "did you mean 13000MB?");
+}
+
 }  // namespace
 }  // namespace mapjoin::test

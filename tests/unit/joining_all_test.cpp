@@ -287,6 +287,7 @@ TEST(Safeguards, SaveWideJoinsThatFailWithoutThem) {
     const Simulation<2> simulation = simulate<2>(world);
     const double best = refined_from(simulation.graph, simulation.truth, 1e-9).chi2;
     JoinOptions options;
+    options.leaf_variables = 32;
     options.arity = 64;
     const JoinResult<2> guarded = join_all(simulation.graph, options);
     EXPECT_GT(guarded.report.redone_joins, 0);
