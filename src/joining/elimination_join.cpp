@@ -84,7 +84,11 @@ class EliminationWalk {
     FrontalCholesky& cholesky = *desks_[0]->scratch.cholesky;
     for (Piece<D>& piece : out.pieces) {
       if (out.pieces.size() == 1 && piece.size() == graph_.variables.size()) {
-        std::sort(piece.observations.begin(), piece.observations.end());
+        if (piece.observations.size() == graph_.size()) {  // so all of them: no need to sort
+          std::iota(piece.observations.begin(), piece.observations.end(), std::int64_t{0});
+        } else {
+          std::sort(piece.observations.begin(), piece.observations.end());
+        }
         for (int s = 0; s < report_.root_solves; ++s) {
           const auto step = linear_step(graph_, piece, *system_, cholesky, pool_);
           out.last_solve = {step.chi2, step.predicted_decrease};

@@ -229,7 +229,8 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
     map.solved_in = map.anchor;
     map.values = to_values(graph.variables, piece);
     if (options.information) map.information = system.information(piece);
-    std::sort(piece.observations.begin(), piece.observations.end());
+    if (!std::is_sorted(piece.observations.begin(), piece.observations.end()))
+      std::sort(piece.observations.begin(), piece.observations.end());
     map.observations = kept_observations(graph, piece, pieces.size() == 1, shared);
     if (map.anchor.keys.empty()) {
       map = into_points(std::move(map), report);

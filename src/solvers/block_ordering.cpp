@@ -57,15 +57,16 @@ std::vector<Index> automatic_order(std::span<const Index> dims, Cliques cliques,
   if (reduced.graph.size() >= kLargeGraph) return dissect(reduced, seed, pool);
   const MinimumDegreeOrder quick = minimum_degree(reduced.graph);
   std::vector<Index> order = after_chains(reduced, quick.order);
-  const double entries = static_cast<double>(reduced.graph.size()) + reduced.graph.start.back();
+  if (reduced.graph.size() < kSmallGraph) return order;
+  const double enough = kDissectionFlops * (static_cast<double>(reduced.graph.size()) +
+                                            static_cast<double>(reduced.graph.start.back()));
   const double block =
       std::accumulate(dims.begin(), dims.end(), 0.0) / static_cast<double>(dims.size());
-  const double flops = 2.0 * quick.multiplications * block * block * block;
-  if (reduced.graph.size() < kSmallGraph || flops < kDissectionFlops * entries) return order;
+  if (2.0 * quick.multiplications * block * block * block < enough) return order;
+  const double flops = elimination_flops(dims, cliques, order);
+  if (flops < enough) return order;
   std::vector<Index> dissected = dissect(reduced, seed, pool);
-  return elimination_flops(dims, cliques, dissected) < elimination_flops(dims, cliques, order)
-             ? dissected
-             : order;
+  return elimination_flops(dims, cliques, dissected) < flops ? dissected : order;
 }
 
 }  // namespace
