@@ -1,6 +1,7 @@
 #include "mapjoin/solvers/nested_dissection.h"
 
 #include <algorithm>
+#include <exception>
 #include <mutex>
 #include <numeric>
 #include <span>
@@ -60,7 +61,7 @@ class Queue {
   bool take(Part& part) {
     for (Patience patience;; patience.wait()) {
       const std::lock_guard lock(mutex_);
-      if (unfinished_ == 0) return false;
+      if (unfinished_ == 0 || abandoned_) return false;
       if (parts_.empty()) continue;
       std::pop_heap(parts_.begin(), parts_.end(), smaller);
       part = std::move(parts_.back());
@@ -72,6 +73,11 @@ class Queue {
     const std::lock_guard lock(mutex_);
     --unfinished_;
   }
+  /// No more parts are given out.
+  void abandon() {
+    const std::lock_guard lock(mutex_);
+    abandoned_ = true;
+  }
 
  private:
   static bool smaller(const Part& a, const Part& b) {
@@ -81,6 +87,7 @@ class Queue {
   std::mutex mutex_;
   std::vector<Part> parts_;
   int unfinished_ = 0;
+  bool abandoned_ = false;
 };
 
 /// One thread's share of the work.
@@ -163,7 +170,18 @@ std::vector<Index> nested_dissection(const BlockGraph& graph, int seed, WorkerPo
   all.weight.assign(order.size(), 1);
   Queue queue;
   queue.put(std::move(all));
-  pool.run([&](int) { Dissector(graph, seed, order).work(queue); });
+  std::vector<std::exception_ptr> failures(static_cast<std::size_t>(pool.threads()));
+  pool.run([&](int thread) {
+    try {
+      Dissector(graph, seed, order).work(queue);
+    } catch (...) {
+      failures[static_cast<std::size_t>(thread)] = std::current_exception();
+      queue.abandon();
+    }
+  });
+  for (const std::exception_ptr& failure : failures) {
+    if (failure) std::rethrow_exception(failure);
+  }
   return order;
 }
 
