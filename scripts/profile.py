@@ -24,7 +24,9 @@ GROUPS = [
     ("substitution", r"solve_pivots|substitut|FrontalCholesky::(solve|eliminate)|(back|for)ward_block|close_subtree"),
     ("measurements: linearising, chi2",
      r"RelativeKernel|lineari[sz]e|chi2|ObservationSystem<.>::(assemble|batch)|sincos|atan2|rotation_|right_jacobian|quaternion"),
-    ("ordering (AMD, METIS)", r"^amd_|^libmetis|METIS|block_graph|order_blocks|minimum_degree|remove_duplicates|^gk_"),
+    ("ordering (AMD, METIS)",
+     r"^c?amd_|^libmetis|METIS|block_graph|order_blocks|minimum_degree|remove_duplicates|^gk_|VertexCut|Separator"
+     r"|[dD]issect|eliminate_chains|ChainElimination|::half|automatic_order|^__?random|^rand"),
     ("analysis",
      r"analy[sz]e|column_counts|elimination_tree|postorder|partition_into|clique_stars|plan_|Planner|Analysis|FrontCost"
      r"|sort_by_front|ObservationList|hold_gauge|weigh_held|inverse_permutation|front_flops|find_slots|cut_tree|TreeCutter"),
