@@ -96,6 +96,11 @@ def large_worlds(bench, report, options):
     report.close()
 
 
+def deviations(chi2, freedom):
+    """Of chi2 at an optimum from what so many degrees of freedom let one expect."""
+    return (chi2 - freedom) / math.sqrt(2 * freedom)
+
+
 def million_features(bench, report, options):
     poses = 3000 if options.quick else 100000
     report.say("Streets whose loops are closed by features alone. At the optimum chi2 is about the number "
@@ -109,7 +114,7 @@ def million_features(bench, report, options):
     stats, _ = bench.solve("solve", world, "--threads", 2)
     features, measurements = stats["features"], stats["measurements"]
     freedom = 2 * (measurements - (poses - 1)) + 3 * (poses - 1) - 3 * (poses - 1) - 2 * features
-    away = (stats["chi2"] - freedom) / math.sqrt(2 * freedom)
+    away = deviations(stats["chi2"], freedom)
     memory = stats["peak_memory_bytes"]
     report.table(["poses", "features", "measurements", "seconds read", "seconds solve",
                   "peak memory, MiB", "bytes a feature", "chi2", "degrees of freedom",
@@ -132,7 +137,7 @@ def million_in_space(bench, report, options):
     bench.call("simulate", "sphere", "--poses", poses, "--output", world)
     stats, _ = bench.solve("solve", world, "--threads", 2, "--memory-limit", limit)
     freedom = 6 * (stats["measurements"] - (poses - 1))
-    away = (stats["chi2"] - freedom) / math.sqrt(2 * freedom)
+    away = deviations(stats["chi2"], freedom)
     seconds, memory = stats["seconds"], stats["peak_memory_bytes"]
     report.table(["poses", "measurements", "seconds read", "seconds solve", "seconds of the processor",
                   "peak memory, MiB", "chi2", "degrees of freedom", "standard deviations", "holds"],

@@ -111,13 +111,10 @@ void add_join_arguments(CLI::App& command, JoinArguments& a) {
                   "Stay within this much memory, as in 600MB or 4GB: what does not fit is kept in "
                   "files; the result is the same, to the bit")
       ->transform(CLI::AsSizeValue(false))
-      ->check([](const std::string& bytes) {
+      ->check([](const std::string& bytes) -> std::string {
         constexpr double kLeast = 1e6;
-        return std::stod(bytes) >= kLeast ? std::string()
-                                          : bytes +
-                                                " bytes are less than any run needs; did you "
-                                                "mean " +
-                                                bytes + "MB?";
+        if (std::stod(bytes) >= kLeast) return {};
+        return bytes + " bytes are less than any run needs; did you mean " + bytes + "MB?";
       })
       ->type_name("SIZE");
   command

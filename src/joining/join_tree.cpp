@@ -9,6 +9,7 @@
 
 #include "mapjoin/graph/error.h"
 #include "mapjoin/solvers/block_ordering.h"
+#include "mapjoin/solvers/metis_turn.h"
 
 namespace mapjoin {
 
@@ -206,6 +207,7 @@ std::vector<idx_t> bisect(const MeasurementGraph<D>& graph, idx_t parts) {
   static_assert(sizeof(idx_t) == sizeof(std::int32_t), "mapjoin wants METIS with 32-bit indices");
   idx_t constraints = 1;
   idx_t cut = 0;
+  const MetisTurn turn;
   if (METIS_PartGraphRecursive(&n, &constraints, blocks.start.data(), blocks.neighbours.data(),
                                nullptr, nullptr, weights.data(), &parts, nullptr, nullptr, options,
                                &cut, part.data()) != METIS_OK) {

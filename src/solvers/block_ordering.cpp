@@ -7,6 +7,7 @@
 
 #include "mapjoin/graph/error.h"
 #include "mapjoin/solvers/elimination_tree.h"
+#include "mapjoin/solvers/metis_turn.h"
 #include "mapjoin/solvers/minimum_degree.h"
 #include "mapjoin/solvers/nested_dissection.h"
 
@@ -31,6 +32,7 @@ std::vector<Index> metis_order(std::span<const Index> dims, BlockGraph graph, in
   idx_t options[METIS_NOPTIONS];
   METIS_SetDefaultOptions(options);
   options[METIS_OPTION_SEED] = seed;
+  const MetisTurn turn;
   const int status = METIS_NodeND(&n, graph.start.data(), graph.neighbours.data(), weights.data(),
                                   options, order.data(), position.data());
   if (status != METIS_OK)

@@ -23,7 +23,6 @@ constexpr Index kSmallPart = 1000;  // variables that minimum degree orders
 struct Part {
   BlockGraph graph;
   std::vector<Index> variable;  // of the whole graph, per variable of the part
-  std::vector<Index> weight;
   Index begin = 0;
 };
 
@@ -35,7 +34,6 @@ Part half(const Part& part, std::span<const Side> side, Side which, std::vector<
     if (side[v] != which) continue;
     number[v] = static_cast<Index>(out.variable.size());
     out.variable.push_back(part.variable[v]);
-    out.weight.push_back(part.weight[v]);
   }
   out.graph.start.reserve(out.variable.size() + 1);
   for (Index v = 0; v < part.graph.size(); ++v) {
@@ -100,7 +98,7 @@ class Dissector {
     for (Part part; queue.take(part); queue.finished()) {
       const std::span<const Side> side = part.graph.size() <= kSmallPart
                                              ? std::span<const Side>()
-                                             : finder_.find(part.graph, part.weight, seed_);
+                                             : finder_.find(part.graph, seed_);
       if (side.empty()) {
         order_by_degree(part);
       } else {
@@ -167,7 +165,6 @@ std::vector<Index> nested_dissection(const BlockGraph& graph, int seed, WorkerPo
   all.graph = graph;
   all.variable.resize(order.size());
   std::iota(all.variable.begin(), all.variable.end(), 0);
-  all.weight.assign(order.size(), 1);
   Queue queue;
   queue.put(std::move(all));
   std::vector<std::exception_ptr> failures(static_cast<std::size_t>(pool.threads()));

@@ -54,9 +54,10 @@ class ObservationList {
   /// Gauge-free information over the piece's variables at its values: the sum over all
   /// observations.
   SymmetricBlockMatrix information(const Piece<D>& piece) const;
+  /// The doubles of a variable of a piece.
+  const double* value(const Piece<D>& piece, int place) const;
 
  private:
-  const double* value(const Piece<D>& piece, int place) const;
   double evaluate_values(std::int64_t k, std::span<const double* const> values,
                          std::span<const std::int32_t> rows, const DenseTarget* target,
                          SubmapScratch& scratch) const;

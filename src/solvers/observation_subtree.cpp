@@ -26,14 +26,6 @@ void run_loop(int count, LoopRunner loop, const Body& body) {
 
 }  // namespace
 
-template <int D>
-const double* ObservationSystem<D>::value(const Piece<D>& piece, int place) const {
-  std::size_t c = 0;
-  while (place >= piece.column_start[c + 1]) ++c;
-  return piece.data[c].data() + static_cast<std::ptrdiff_t>(place - piece.column_start[c]) *
-                                    graph_.variables.column(static_cast<int>(c)).kind->value_size;
-}
-
 /// Rows of the root's update matrix that hold the gauge of a subtree: a pose it shares with the
 /// rest, or the scalars of features that turn most freely. Empty where what it shares does not fix
 /// a frame.
@@ -60,7 +52,7 @@ std::vector<std::int32_t> ObservationSystem<D>::held_rows(std::int32_t root, con
     const std::int32_t v = structure_.order[at(position)];
     const VariableKind<D>& kind = graph_.variables.kind(v);
     block.resize(kind.dim, G);
-    kind.gauge(value(sub, places[v]), 1, block.data());
+    kind.gauge(list_.value(sub, places[v]), 1, block.data());
     g.middleRows(rows[k++], kind.dim) = block;
   }
   if (row < G) return out;

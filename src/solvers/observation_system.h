@@ -109,7 +109,6 @@ class ObservationSystem {
                           const Places* places) const;
   void assemble(std::int32_t front, const DenseTarget& target, const Piece<D>& piece);
   void assemble_rhs(std::int32_t front, double* rhs, double* room, const Piece<D>& piece);
-  const double* value(const Piece<D>& piece, int place) const;
   void find_slots(std::int32_t first, std::int32_t root, const Piece<D>& sub, const Places& places,
                   SubtreeScratch& scratch) const;
   std::vector<std::int32_t> held_rows(std::int32_t root, const Piece<D>& sub,

@@ -3,8 +3,9 @@
 #include <metis.h>
 
 #include <algorithm>
-#include <mutex>
 #include <numeric>
+
+#include "mapjoin/solvers/metis_turn.h"
 
 namespace mapjoin {
 
@@ -14,95 +15,87 @@ using Index = std::int32_t;
 
 // All by measurement, on streets, corridors, spheres, tori and landmarks of 10^3 to 10^6 variables:
 // docs/decisions.md.
-constexpr std::int64_t kClusterSize = 32;   // variables, where there are many
-constexpr std::int64_t kFewClusters = 256;  // a graph has this many, if it has as many variables
-constexpr int kRings = 8;                   // neighbours of neighbours ... that a cut may move by
-constexpr Index kMostOfSide = 4;            // but through no more than this fraction of a side
-
-// METIS is one at a time: it seeds and uses the random numbers of the whole process.
-std::mutex metis_in_use;
+constexpr Index kClusterSize = 32;   // variables, where there are many
+constexpr Index kFewClusters = 256;  // a graph has this many, if it has as many variables
+constexpr int kRings = 8;            // neighbours of neighbours ... that a cut may move by
+constexpr Index kMostOfSide = 4;     // but through no more than this fraction of a side
 
 }  // namespace
 
-/// Breadth first, each until it has its weight. What is left between clusters joins the lightest
+/// Breadth first, each until it is large enough. What is left between clusters joins the smallest
 /// of them.
-void SeparatorFinder::grow_clusters(const BlockGraph& graph, std::span<const Index> weight,
-                                    std::int64_t cluster_weight) {
-  cluster_.assign(weight.size(), -1);
-  cluster_weight_.clear();
+void SeparatorFinder::grow_clusters(const BlockGraph& graph, std::size_t size) {
+  cluster_.assign(static_cast<std::size_t>(graph.size()), -1);
+  cluster_size_.clear();
   for (Index v = 0; v < graph.size(); ++v) {
     if (cluster_[v] >= 0) continue;
-    const auto c = static_cast<Index>(cluster_weight_.size());
-    Index sum = weight[v];
+    const auto c = static_cast<Index>(cluster_size_.size());
     cluster_[v] = c;
     members_.assign(1, v);
-    for (std::size_t k = 0; k < members_.size() && sum < cluster_weight; ++k) {
+    for (std::size_t k = 0; k < members_.size() && members_.size() < size; ++k) {
       for (const Index u : graph[members_[k]]) {
-        if (cluster_[u] >= 0 || sum >= cluster_weight) continue;
+        if (cluster_[u] >= 0 || members_.size() >= size) continue;
         cluster_[u] = c;
-        sum += weight[u];
         members_.push_back(u);
       }
     }
-    Index lightest = -1;
-    if (4 * sum < cluster_weight) {
+    Index smallest = -1;
+    if (4 * members_.size() < size) {
       for (const Index m : members_) {
         for (const Index u : graph[m]) {
           const Index d = cluster_[u];
-          if (d >= 0 && d != c && (lightest < 0 || cluster_weight_[d] < cluster_weight_[lightest]))
-            lightest = d;
+          if (d >= 0 && d != c && (smallest < 0 || cluster_size_[d] < cluster_size_[smallest]))
+            smallest = d;
         }
       }
     }
-    if (lightest < 0) {
-      cluster_weight_.push_back(sum);
+    const auto grown = static_cast<Index>(members_.size());
+    if (smallest < 0) {
+      cluster_size_.push_back(grown);
     } else {
-      for (const Index m : members_) cluster_[m] = lightest;
-      cluster_weight_[lightest] += sum;
+      for (const Index m : members_) cluster_[m] = smallest;
+      cluster_size_[smallest] += grown;
     }
   }
 }
 
-SeparatorFinder::Clusters SeparatorFinder::gather(const BlockGraph& graph,
-                                                  std::span<const Index> weight,
-                                                  std::int64_t cluster_weight) {
-  grow_clusters(graph, weight, cluster_weight);
-  Clusters out;
-  out.weight = cluster_weight_;
-  std::vector<Index> start(out.weight.size() + 1, 0);
+BlockGraph SeparatorFinder::gather(const BlockGraph& graph, std::size_t size) {
+  grow_clusters(graph, size);
+  BlockGraph out;
+  std::vector<Index> start(cluster_size_.size() + 1, 0);
   for (const Index c : cluster_) ++start[c];
   std::exclusive_scan(start.begin(), start.end(), start.begin(), 0);
   members_.resize(cluster_.size());
   std::vector<Index> next(start.begin(), start.end() - 1);
   for (Index v = 0; v < graph.size(); ++v) members_[next[cluster_[v]]++] = v;
-  std::vector<Index> seen_by(out.weight.size(), -1);
-  for (Index c = 0; c < static_cast<Index>(out.weight.size()); ++c) {
+  std::vector<Index> seen_by(cluster_size_.size(), -1);
+  for (Index c = 0; c < static_cast<Index>(cluster_size_.size()); ++c) {
     seen_by[c] = c;
     for (Index k = start[c]; k < start[c + 1]; ++k) {
       for (const Index u : graph[members_[k]]) {
         const Index d = cluster_[u];
         if (seen_by[d] == c) continue;
         seen_by[d] = c;
-        out.graph.neighbours.push_back(d);
+        out.neighbours.push_back(d);
       }
     }
-    out.graph.end_row();
+    out.end_row();
   }
   return out;
 }
 
-bool SeparatorFinder::part(Clusters& clusters, int seed) {
+bool SeparatorFinder::part(BlockGraph& clusters, int seed) {
   static_assert(sizeof(idx_t) == sizeof(Index), "mapjoin expects METIS with 32-bit indices");
-  idx_t n = clusters.graph.size();
+  idx_t n = clusters.size();
   idx_t separator = 0;
   idx_t options[METIS_NOPTIONS];
   METIS_SetDefaultOptions(options);
   options[METIS_OPTION_SEED] = seed;
-  part_.resize(clusters.weight.size());
-  const std::lock_guard lock(metis_in_use);
-  return METIS_ComputeVertexSeparator(&n, clusters.graph.start.data(),
-                                      clusters.graph.neighbours.data(), clusters.weight.data(),
-                                      options, &separator, part_.data()) == METIS_OK;
+  part_.resize(cluster_size_.size());
+  const MetisTurn turn;
+  return METIS_ComputeVertexSeparator(&n, clusters.start.data(), clusters.neighbours.data(),
+                                      cluster_size_.data(), options, &separator,
+                                      part_.data()) == METIS_OK;
 }
 
 /// The cut with rings of neighbours about it.
@@ -129,13 +122,11 @@ void SeparatorFinder::widen(const BlockGraph& graph) {
   }
 }
 
-std::span<const Side> SeparatorFinder::find(const BlockGraph& graph, std::span<const Index> weight,
-                                            int seed) {
-  const std::int64_t total = std::accumulate(weight.begin(), weight.end(), std::int64_t{0});
-  const std::int64_t size = std::clamp<std::int64_t>(graph.size() / kFewClusters, 1, kClusterSize);
-  Clusters clusters = gather(graph, weight, size * total / std::max<Index>(1, graph.size()));
+std::span<const Side> SeparatorFinder::find(const BlockGraph& graph, int seed) {
+  const Index size = std::clamp(graph.size() / kFewClusters, 1, kClusterSize);
+  BlockGraph clusters = gather(graph, static_cast<std::size_t>(size));
   if (!part(clusters, seed)) return {};
-  side_.resize(weight.size());
+  side_.resize(static_cast<std::size_t>(graph.size()));
   for (Index v = 0; v < graph.size(); ++v) {
     const Index part = part_[cluster_[v]];
     side_[v] = part == 0 ? Side::kLeft : part == 1 ? Side::kRight : Side::kCut;

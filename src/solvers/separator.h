@@ -1,6 +1,7 @@
 // Parting a graph in two about equal halves by few vertices.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -17,29 +18,21 @@ namespace mapjoin {
 /// graph itself, and as its refinement only looks one vertex ahead, the cuts are no larger.
 class SeparatorFinder {
  public:
-  /// `weight` is what each variable adds to its half, at least 1. Returns the side of each
-  /// variable: no edge joins left and right. Empty where one half would be: a clique cannot be
-  /// parted. Deterministic (METIS draws random numbers from the C library's generator, which it
-  /// seeds; other programs' draws at the same time would disturb that). Cost: about O(neighbours).
-  std::span<const Side> find(const BlockGraph& graph, std::span<const std::int32_t> weight,
-                             int seed);
+  /// Returns the side of each variable: no edge joins left and right. Empty where one half would
+  /// be: a clique cannot be parted. Deterministic (but see metis_turn.h). Cost: about
+  /// O(neighbours).
+  std::span<const Side> find(const BlockGraph& graph, int seed);
 
  private:
-  struct Clusters {
-    BlockGraph graph;
-    std::vector<std::int32_t> weight;
-  };
-  Clusters gather(const BlockGraph& graph, std::span<const std::int32_t> weight,
-                  std::int64_t cluster_weight);
-  void grow_clusters(const BlockGraph& graph, std::span<const std::int32_t> weight,
-                     std::int64_t cluster_weight);
-  bool part(Clusters& clusters, int seed);
+  BlockGraph gather(const BlockGraph& graph, std::size_t size);
+  void grow_clusters(const BlockGraph& graph, std::size_t size);
+  bool part(BlockGraph& clusters, int seed);
   void widen(const BlockGraph& graph);
 
-  std::vector<std::int32_t> cluster_;         ///< of each variable
-  std::vector<std::int32_t> cluster_weight_;  ///< of each cluster
-  std::vector<std::int32_t> members_;         ///< of the cluster that grows, and of the band
-  std::vector<std::int32_t> part_;            ///< of each cluster: METIS's 0, 1, 2
+  std::vector<std::int32_t> cluster_;       ///< of each variable
+  std::vector<std::int32_t> cluster_size_;  ///< variables of each cluster
+  std::vector<std::int32_t> members_;       ///< of the cluster that grows, and of the band
+  std::vector<std::int32_t> part_;          ///< of each cluster: METIS's 0, 1, 2
   std::vector<Side> side_;
   VertexCut cut_;
 };

@@ -35,6 +35,18 @@ std::vector<Index> ordered(const Problem& problem, OrderingMethod method, int th
   return order_blocks(problem.dims(), problem.cliques(), {.method = method}, &pool);
 }
 
+/// Pairs of variables that are neighbours.
+struct Links {
+  std::vector<std::int64_t> start{0};
+  std::vector<Index> vars;
+
+  void add(Index a, Index b) {
+    vars.insert(vars.end(), {a, b});
+    start.push_back(static_cast<std::int64_t>(vars.size()));
+  }
+  Cliques cliques() const { return {start, vars}; }
+};
+
 double flops(const Problem& problem, OrderingMethod method) {
   return elimination_flops(problem.dims(), problem.cliques(), ordered(problem, method));
 }
@@ -107,36 +119,29 @@ TEST(BlockOrdering, RefusesAVariableThatDoesNotExist) {
 
 TEST(ChainElimination, LeavesLoopsWithoutTheirChains) {
   // A loop of six with a tail of three, and a variable by itself.
-  std::vector<std::int64_t> start = {0};
-  std::vector<Index> vars;
-  const auto link = [&](Index a, Index b) {
-    vars.insert(vars.end(), {a, b});
-    start.push_back(static_cast<std::int64_t>(vars.size()));
-  };
-  for (Index v = 0; v < 6; ++v) link(v, (v + 1) % 6);
-  link(2, 6);
-  link(6, 7);
-  link(7, 8);
-  const ReducedGraph reduced = eliminate_chains(block_graph(10, {start, vars}));
+  Links links;
+  for (Index v = 0; v < 6; ++v) links.add(v, (v + 1) % 6);
+  links.add(2, 6);
+  links.add(6, 7);
+  links.add(7, 8);
+  const ReducedGraph reduced = eliminate_chains(block_graph(10, links.cliques()));
   EXPECT_EQ(reduced.variable.size(), 0u);  // a loop by itself is a chain too
   EXPECT_EQ(reduced.eliminated.size(), 10u);
 }
 
 TEST(ChainElimination, KeepsWhatHasThreeNeighboursAndTheLinksBetweenThem) {
   // K4 with a chain of two in each of its edges.
-  std::vector<std::int64_t> start = {0};
-  std::vector<Index> vars;
+  Links links;
   Index next = 4;
   for (Index a = 0; a < 4; ++a) {
     for (Index b = a + 1; b < 4; ++b) {
-      for (const auto& [x, y] : {std::pair{a, next}, {next, next + 1}, {next + 1, b}}) {
-        vars.insert(vars.end(), {x, y});
-        start.push_back(static_cast<std::int64_t>(vars.size()));
-      }
+      links.add(a, next);
+      links.add(next, next + 1);
+      links.add(next + 1, b);
       next += 2;
     }
   }
-  const ReducedGraph reduced = eliminate_chains(block_graph(next, {start, vars}));
+  const ReducedGraph reduced = eliminate_chains(block_graph(next, links.cliques()));
   EXPECT_EQ(reduced.variable, (std::vector<Index>{0, 1, 2, 3}));
   EXPECT_EQ(reduced.eliminated.size(), 12u);
   for (Index v = 0; v < 4; ++v) EXPECT_EQ(reduced.graph[v].size(), 3u);
@@ -175,8 +180,7 @@ TEST(Separator, OfAGridIsAboutItsSide) {
   const Problem problem = grid_problem(60, 40, 1);
   const BlockGraph graph = graph_of(problem);
   SeparatorFinder finder;
-  const std::vector<Index> weight(2400, 1);
-  const auto side = finder.find(graph, weight, 0);
+  const auto side = finder.find(graph, 0);
   ASSERT_EQ(side.size(), 2400u);
   expect_parted(graph, side);
   EXPECT_LE(std::ranges::count(side, Side::kCut), 45);
@@ -185,17 +189,13 @@ TEST(Separator, OfAGridIsAboutItsSide) {
 }
 
 TEST(Separator, OfUnconnectedPiecesIsEmpty) {
-  std::vector<std::int64_t> start = {0};
-  std::vector<Index> vars;
+  Links links;
   for (Index v = 0; v < 999; ++v) {
-    if (v == 499) continue;
-    vars.insert(vars.end(), {v, v + 1});
-    start.push_back(static_cast<std::int64_t>(vars.size()));
+    if (v != 499) links.add(v, v + 1);
   }
-  const BlockGraph graph = block_graph(1000, {start, vars});
+  const BlockGraph graph = block_graph(1000, links.cliques());
   SeparatorFinder finder;
-  const std::vector<Index> weight(1000, 1);
-  const auto side = finder.find(graph, weight, 0);
+  const auto side = finder.find(graph, 0);
   ASSERT_EQ(side.size(), 1000u);
   expect_parted(graph, side);
   EXPECT_LE(std::ranges::count(side, Side::kCut), 1);
@@ -206,8 +206,7 @@ TEST(Separator, OfACliqueDoesNotExist) {
   std::iota(vars.begin(), vars.end(), 0);
   const std::vector<std::int64_t> start = {0, 40};
   SeparatorFinder finder;
-  const std::vector<Index> weight(40, 1);
-  EXPECT_TRUE(finder.find(block_graph(40, {start, vars}), weight, 0).empty());
+  EXPECT_TRUE(finder.find(block_graph(40, {start, vars}), 0).empty());
 }
 
 /// Streets: a grid of crossings whose links are chains of poses.
@@ -252,18 +251,14 @@ TEST(NestedDissection, IsTheSameForAnyNumberOfThreads) {
 
 TEST(NestedDissection, OrdersLongChainsAndLargeStarsAndCliques) {
   for (const bool star : {true, false}) {
-    std::vector<std::int64_t> start = {0};
-    std::vector<Index> vars;
-    for (Index v = 1; v < 50000; ++v) {
-      vars.insert(vars.end(), {star ? 0 : v - 1, v});
-      start.push_back(static_cast<std::int64_t>(vars.size()));
-    }
-    for (Index v = 0; v < 1200; ++v) vars.push_back(v);  // larger than a small part
-    start.push_back(static_cast<std::int64_t>(vars.size()));
+    Links links;
+    for (Index v = 1; v < 50000; ++v) links.add(star ? 0 : v - 1, v);
+    for (Index v = 0; v < 1200; ++v) links.vars.push_back(v);  // larger than a small part
+    links.start.push_back(static_cast<std::int64_t>(links.vars.size()));
     const std::vector<Index> dims(50000, 3);
     for (const OrderingMethod method :
          {OrderingMethod::kNestedDissection, OrderingMethod::kAutomatic}) {
-      std::vector<Index> order = order_blocks(dims, {start, vars}, {.method = method});
+      std::vector<Index> order = order_blocks(dims, links.cliques(), {.method = method});
       std::sort(order.begin(), order.end());
       for (Index v = 0; v < 50000; ++v) ASSERT_EQ(order[v], v);
     }
