@@ -13,6 +13,7 @@
 #include "mapjoin/joining/report.h"
 #include "mapjoin/joining/tree_cuts.h"
 #include "mapjoin/joining/tree_walk.h"
+#include "mapjoin/solvers/pool_loop.h"
 
 namespace mapjoin {
 
@@ -55,23 +56,26 @@ class EliminationWalk {
         factor_residence(options, system_->statistics(), pool.threads());
     for (int t = 0; t < pool.threads(); ++t)
       desks_.push_back(std::make_unique<Desk>(graph.variables.size(), residence));
+    desks_[0]->scratch.cholesky->reserve(system_->structure());  // it will hold the root's
     report_.joins = static_cast<int>(cuts_.size());
     done_.assign(cuts_.size(), 0);
-    plan_ = plan_cuts(system_->structure(), cuts_);
+    plan_ = plan_cuts(system_->structure(), cuts_, pool.threads());
     for (const int leaves : plan_.leaves) leaves_.emplace_back(at(leaves));
     if (!options.checkpoint.empty()) resume();
   }
 
   JoinedPieces<D> run() {
-    walk_forest(plan_.forest, pool_, options_.progress,
+    walk_forest(plan_.forest, plan_.together, pool_, options_.progress,
                 [&](int number, int thread, LoopRunner loop) {
                   const CutTask& task = plan_.tasks[at(number)];
                   Desk& desk = *desks_[at(thread)];
                   if (done_[at(task.cut)] != 0) return;
                   if (task.leaf >= 0) {
                     leaves_[at(task.cut)][at(task.leaf)] = lay_out(task, desk);
+                  } else if (plan_.together[at(number)] != 0) {
+                    do_cut(task, desk, pool_, loop_on(pool_));
                   } else {
-                    do_cut(task, desk, loop);
+                    do_cut(task, desk, desk.alone, loop);
                   }
                 });
     for (const auto& desk : desks_) report_.redone_joins += desk->redone;
@@ -130,12 +134,13 @@ class EliminationWalk {
 
   /// One solve of a join, and with safeguards as many as it takes until the linear model keeps what
   /// it promises.
-  bool solve_on_fronts(const Cut& cut, Piece<D>& piece, Desk& desk, LoopRunner loop) {
+  bool solve_on_fronts(const Cut& cut, Piece<D>& piece, Desk& desk, WorkerPool& pool,
+                       LoopRunner loop) {
     Eigen::VectorXd d;
     const int most = options_.mode == Mode::kOptimal ? kMostSolves : 1;
     for (int solves = 1; solves <= most; ++solves) {
-      const auto step =
-          system_->solve_subtree(cut.first, cut.root, piece, desk.places, desk.scratch, d, loop);
+      const auto step = system_->solve_subtree(cut.first, cut.root, piece, desk.places,
+                                               desk.scratch, d, pool, loop);
       if (!step) return solves > 1;
       std::vector<std::vector<double>> before;
       if (most > 1) before = piece.data;
@@ -156,7 +161,8 @@ class EliminationWalk {
     return true;
   }
 
-  void do_cut(const CutTask& task, Desk& desk, LoopRunner loop) {
+  /// By the threads of `pool`, which may be this one alone; then `loop` may have others help.
+  void do_cut(const CutTask& task, Desk& desk, WorkerPool& pool, LoopRunner loop) {
     const int number = task.cut;
     const Cut& cut = cuts_[at(number)];
     std::vector<Piece<D>> pieces;
@@ -170,9 +176,9 @@ class EliminationWalk {
     if (system_->structure().fronts[at(cut.root)].parent >= 0) {
       const bool whole = pieces.size() == 1;
       for (Piece<D>& piece : pieces) {
-        if (whole && solve_on_fronts(cut, piece, desk, loop)) continue;
+        if (whole && solve_on_fronts(cut, piece, desk, pool, loop)) continue;
         ObservationSystem<D> system(graph_, piece, rank(), desk.places);
-        linear_step_if_determined(graph_, piece, system, *desk.scratch.cholesky, desk.alone);
+        linear_step_if_determined(graph_, piece, system, *desk.scratch.cholesky, pool);
       }
     }
     results_[at(number)] = std::move(pieces);

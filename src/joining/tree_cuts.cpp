@@ -16,6 +16,10 @@ std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 constexpr std::size_t kLeafTask = 128;
 constexpr double kLeafCost = 300.0;
 
+/// A cut is large when it is more than this share of what each thread has to do: another thread may
+/// wait so long for the one that has it.
+constexpr double kLargeShare = 0.5;
+
 class TreeCutter {
  public:
   TreeCutter(const FrontalStructure& structure, std::int64_t observations, int leaf, int arity)
@@ -147,15 +151,25 @@ std::vector<Cut> cut_tree(const FrontalStructure& structure, std::int64_t observ
   return TreeCutter(structure, observations, leaf, arity).cuts();
 }
 
-CutPlan plan_cuts(const FrontalStructure& structure, const std::vector<Cut>& cuts) {
+CutPlan plan_cuts(const FrontalStructure& structure, const std::vector<Cut>& cuts, int threads) {
   const std::vector<double> before = running_cost(structure);
+  const auto cost_of = [&](const Cut& cut) {
+    return before[at(cut.root) + 1] - before[at(cut.first)];
+  };
+  double all = 0.0;
+  for (const Cut& cut : cuts) {
+    if (cut.parent >= 0) all += cost_of(cut);
+  }
+  const double large = kLargeShare * all / threads;
   CutPlan plan;
   std::vector<std::int32_t> task_of;
   for (const Cut& cut : cuts) {
-    const double cost = before[at(cut.root) + 1] - before[at(cut.first)];
+    const double cost = cost_of(cut);
     plan.leaves.push_back(
         add_tasks(plan, cut, static_cast<std::int32_t>(plan.leaves.size()), cost));
     task_of.push_back(static_cast<std::int32_t>(plan.tasks.size()) - 1);
+    plan.together.resize(plan.tasks.size(), 0);
+    plan.together.back() = threads > 1 && cost > large ? 1 : 0;
   }
   for (std::size_t t = plan.tasks.size(); t-- > 0;) {  // parents first
     const CutTask& task = plan.tasks[t];

@@ -36,11 +36,13 @@ struct CutTask {
 struct CutPlan {
   std::vector<CutTask> tasks;
   std::vector<FrontTask> forest;  ///< the same tasks, as a tree
+  std::vector<char> together;     ///< per task: large enough to be done by all threads
   std::vector<int> leaves;        ///< per cut: its leaf tasks
 };
 
-/// Plans the walk. Where a cut has many groups they are tasks of their own: the last cut, alone on
-/// its level, may have most of a graph that is nearly a line. O(cuts + groups).
-CutPlan plan_cuts(const FrontalStructure& structure, const std::vector<Cut>& cuts);
+/// Plans the walk for so many threads. Where a cut has many groups they are tasks of their own: the
+/// last cut, alone on its level, may have most of a graph that is nearly a line. Large cuts, of
+/// which there are few, are done by all threads together. O(cuts + groups).
+CutPlan plan_cuts(const FrontalStructure& structure, const std::vector<Cut>& cuts, int threads);
 
 }  // namespace mapjoin

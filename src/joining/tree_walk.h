@@ -23,15 +23,26 @@ template <class DoNode>
 void walk_tree(const JoinTree& tree, WorkerPool& pool, const ProgressCallback& progress,
                DoNode&& do_node);
 
+/// A forest without some of its roots, again and again.
+struct ForestPart {
+  std::vector<FrontTask> nodes;
+  std::vector<std::int32_t> number;  ///< of each node in the whole forest
+};
+
+/// What is left of a forest without the marked nodes; with a node all above it is marked. O(nodes).
+ForestPart part_of(std::span<const FrontTask> nodes, std::span<const char> marked);
+
 /// Does every node of a forest (children before parents) as soon as its children are done:
 /// do_node(node, thread, loop), where `loop` spreads an inner loop over threads that have nothing
 /// else to do (LoopRunner).
 ///
-/// Of what is ready, the node with the longest path to a root comes first. Of the exceptions that
-/// nodes throw, the one of the lowest node is thrown on; what lies above such a node is left out.
-/// \throws CancelledError when the progress callback says so.
+/// Of what is ready, the node with the longest path to a root comes first. Nodes marked in
+/// `together`, and with a node all above it, come after all others, one by one and on the calling
+/// thread: the whole pool is free for them. Of the exceptions that nodes throw, the one of the
+/// lowest node is thrown on; what lies above such a node is left out. \throws CancelledError when
+/// the progress callback says so.
 template <class DoNode>
-void walk_forest(std::span<const FrontTask> nodes, WorkerPool& pool,
+void walk_forest(std::span<const FrontTask> nodes, std::span<const char> together, WorkerPool& pool,
                  const ProgressCallback& progress, DoNode&& do_node) {
   std::vector<std::exception_ptr> errors(nodes.size());
   std::vector<std::atomic<bool>> left_out(nodes.size());
@@ -65,11 +76,17 @@ void walk_forest(std::span<const FrontTask> nodes, WorkerPool& pool,
   if (pool.threads() == 1) {
     for (std::size_t n = 0; n < nodes.size(); ++n) visit(static_cast<int>(n), 0, {});
   } else {
+    const ForestPart apart = part_of(nodes, together);
     TreeScheduler scheduler;
-    scheduler.reset(nodes, pool.threads());
+    scheduler.reset(apart.nodes, pool.threads());
     pool.run([&](int thread) {
-      scheduler.work(thread, [&](int node, LoopRunner loop) { visit(node, thread, loop); });
+      scheduler.work(thread, [&](int k, LoopRunner loop) {
+        visit(apart.number[static_cast<std::size_t>(k)], thread, loop);
+      });
     });
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+      if (together[n] != 0) visit(static_cast<int>(n), 0, {});
+    }
   }
   if (interruption) std::rethrow_exception(interruption);
   for (const std::exception_ptr& error : errors) {

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/solvers/pool_loop.h"
 
 namespace mapjoin {
 namespace {
@@ -23,6 +24,15 @@ Index earliest(std::span<const Index> clique, std::span<const Index> position) {
   return first;
 }
 
+template <class Visit>
+void for_each_coupling(Cliques cliques, std::span<const Index> owners, Visit visit) {
+  for (std::int64_t k = 0; k < cliques.size(); ++k) {
+    for (const Index v : cliques[k]) {
+      if (v != owners[k]) visit(owners[k], v);
+    }
+  }
+}
+
 // Root of the set that holds `node`, in a forest of parent links that are halved on the way up.
 Index find_root(std::vector<Index>& ancestor, Index node) {
   while (ancestor[node] != node) {
@@ -34,35 +44,25 @@ Index find_root(std::vector<Index>& ancestor, Index node) {
 
 }  // namespace
 
-Stars clique_stars(std::span<const std::int32_t> position, Cliques cliques) {
+Stars clique_stars(std::span<const std::int32_t> position, Cliques cliques, WorkerPool* pool) {
   Stars stars;
-  const std::size_t n = position.size();
   stars.owner.resize(static_cast<std::size_t>(cliques.size()));
-  stars.later_start.assign(n + 1, 0);
-  stars.earlier_start.assign(n + 1, 0);
-  for (std::int64_t k = 0; k < cliques.size(); ++k) {
-    const Index owner = stars.owner[k] = earliest(cliques[k], position);
-    for (const Index v : cliques[k]) {
-      if (v == owner) continue;
-      ++stars.later_start[owner];
-      ++stars.earlier_start[v];
-    }
-  }
-  counts_to_starts(stars.later_start);
-  counts_to_starts(stars.earlier_start);
-  stars.later.resize(static_cast<std::size_t>(stars.later_start[n]));
-  stars.earlier.resize(stars.later.size());
-  std::vector<std::int64_t> next_later(stars.later_start.begin(), stars.later_start.end() - 1);
-  std::vector<std::int64_t> next_earlier(stars.earlier_start.begin(),
-                                         stars.earlier_start.end() - 1);
-  for (std::int64_t k = 0; k < cliques.size(); ++k) {
-    const Index owner = stars.owner[k];
-    for (const Index v : cliques[k]) {
-      if (v == owner) continue;
-      stars.later[next_later[owner]++] = v;
-      stars.earlier[next_earlier[v]++] = owner;
-    }
-  }
+  for (std::int64_t k = 0; k < cliques.size(); ++k) stars.owner[k] = earliest(cliques[k], position);
+  const auto list = [&](std::vector<std::int64_t>& start, std::vector<Index>& entries,
+                        bool of_owner) {
+    start.assign(position.size() + 1, 0);
+    for_each_coupling(cliques, stars.owner,
+                      [&](Index owner, Index v) { ++start[of_owner ? owner : v]; });
+    counts_to_starts(start);
+    entries.resize(static_cast<std::size_t>(start.back()));
+    std::vector<std::int64_t> next(start.begin(), start.end() - 1);
+    for_each_coupling(cliques, stars.owner, [&](Index owner, Index v) {
+      entries[next[of_owner ? owner : v]++] = of_owner ? v : owner;
+    });
+  };
+  run_both(
+      pool, [&] { list(stars.later_start, stars.later, true); },
+      [&] { list(stars.earlier_start, stars.earlier, false); });
   return stars;
 }
 

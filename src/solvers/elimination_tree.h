@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "mapjoin/solvers/block_ordering.h"
+#include "mapjoin/solvers/worker_pool.h"
 
 namespace mapjoin {
 
@@ -28,7 +29,8 @@ struct Stars {
   std::vector<std::int64_t> earlier_start;  ///< the transpose
   std::vector<std::int32_t> earlier;
 };
-Stars clique_stars(std::span<const std::int32_t> position, Cliques cliques);
+Stars clique_stars(std::span<const std::int32_t> position, Cliques cliques,
+                   WorkerPool* pool = nullptr);
 
 /// parent[p] is a position above p, or -1 at a root. `order` and `position` are inverse
 /// permutations.

@@ -81,6 +81,18 @@ struct LoopRunner {
   void* runner = nullptr;
 };
 
+/// Runs body(i) for i = 0 .. count - 1, spread by `loop`.
+template <class Body>
+void run_loop(int count, LoopRunner loop, const Body& body) {
+  if (loop.run == nullptr || count < 2) {
+    for (int i = 0; i < count; ++i) body(i);
+    return;
+  }
+  Body copy = body;
+  loop.run(loop.runner, count, &copy,
+           [](void* object, int i) { (*static_cast<Body*>(object))(i); });
+}
+
 /// Eliminates the pivots: L11, L21 and y in the panel, S minus its share in the update matrix.
 /// `smallest[j]` is the least value that pivot j may have. Returns -1, or the first pivot that is
 /// below (or NaN); the elimination goes on with 1 in its place, so that what follows is finite, if

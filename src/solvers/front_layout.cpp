@@ -200,6 +200,26 @@ void plan_tasks(FrontalStructure& structure, const FrontCostModel& cost) {
   TaskPlanner(structure, cost).run();
 }
 
+std::vector<FrontTask> tasks_of_subtree(const FrontalStructure& structure, Index first,
+                                        Index root) {
+  const auto& all = structure.tasks;
+  const auto begin = std::lower_bound(all.begin(), all.end(), first,
+                                      [](const FrontTask& t, Index f) { return t.begin < f; });
+  if (begin == all.end() || begin->begin != first || begin->end > root + 1)
+    return {{.begin = first, .end = root + 1}};
+  auto end = begin;
+  while (end != all.end() && end->begin <= root) ++end;
+  std::vector<FrontTask> out(begin, end);
+  out.back().end = root + 1;
+  out.back().parent = -1;
+  out.back().waits_for = 0;  // fewer than before: some may hang above `root`
+  for (std::size_t t = 0; t + 1 < out.size(); ++t) {
+    out[t].parent -= static_cast<Index>(begin - all.begin());
+    if (out[t].parent + 1 == static_cast<Index>(out.size())) ++out.back().waits_for;
+  }
+  return out;
+}
+
 void plan_memory(FrontalStructure& structure) {
   auto& fronts = structure.fronts;
   FactorStatistics& statistics = structure.statistics;

@@ -1,6 +1,9 @@
 // Where the fronts' numbers live, and which thread may work on what: the last step of the analysis.
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
 #include "mapjoin/solvers/fronts.h"
 
 namespace mapjoin {
@@ -18,6 +21,11 @@ inline constexpr std::int64_t kPanelPortion = std::int64_t{1} << 20;
 /// them single fronts or short paths. The split depends on the structure alone, never on the number
 /// of threads. Fills structure.tasks.
 void plan_tasks(FrontalStructure& structure, const FrontCostModel& cost);
+
+/// The tasks of a subtree, the fronts first .. root, as a tree of their own: those of the whole,
+/// the last one cut off at `root`. One task where the subtree is but a part of one.
+std::vector<FrontTask> tasks_of_subtree(const FrontalStructure& structure, std::int32_t first,
+                                        std::int32_t root);
 
 /// Gives every panel and every update matrix a fixed place; needs the tasks. Fills strides, offsets
 /// and the sizes in structure.statistics.

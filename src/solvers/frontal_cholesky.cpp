@@ -52,6 +52,11 @@ void FrontalCholesky::require_memory(const FrontalStructure& structure, std::int
   first_failure_ = kNoFailure;
 }
 
+void FrontalCholesky::reserve(const FrontalStructure& structure) {
+  if (options_.residence.bytes < 0)
+    factor_.require(structure.statistics.factor_bytes / static_cast<std::int64_t>(sizeof(double)));
+}
+
 /// One after another; what is finished may leave memory, some MB at a time.
 void FrontalCholesky::factor_fronts(Index begin, Index end, Assembler assemble, double* scratch,
                                     LoopRunner loop) {
@@ -77,16 +82,27 @@ void FrontalCholesky::give_back_updates(Index front) {
 }
 
 FactorStatus FrontalCholesky::factorize_subtree(const FrontalStructure& structure, Index first,
-                                                Index root, Assembler assemble, LoopRunner loop) {
-  require_memory(structure, structure.fronts[first].panel, end_of_panel(structure.fronts[root]), 1);
-  factor_fronts(first, root + 1, assemble, scratch_.data(), loop);
+                                                Index root, Assembler assemble, WorkerPool& pool,
+                                                LoopRunner loop) {
+  require_memory(structure, structure.fronts[first].panel, end_of_panel(structure.fronts[root]),
+                 pool.threads());
+  if (pool.threads() == 1) {
+    factor_fronts(first, root + 1, assemble, scratch_.data(), loop);
+    return status();
+  }
+  const std::int64_t rows = scratch_rows(structure);
+  for_each_task(tasks_of_subtree(structure, first, root), pool,
+                [&](int thread, const FrontTask& task, LoopRunner inner) {
+                  factor_fronts(task.begin, task.end, assemble, scratch_.data() + 2 * rows * thread,
+                                inner);
+                });
   return status();
 }
 
 /// Calls work(thread, task, loop) for all tasks, children before parents.
 template <class Work>
-void FrontalCholesky::for_each_task(WorkerPool& pool, Work&& work) {
-  const std::vector<FrontTask>& tasks = structure_->tasks;
+void FrontalCholesky::for_each_task(std::span<const FrontTask> tasks, WorkerPool& pool,
+                                    Work&& work) {
   if (pool.threads() == 1) {
     for (const FrontTask& task : tasks) work(0, task, LoopRunner());
     return;
@@ -103,7 +119,7 @@ void FrontalCholesky::eliminate(RhsAssembler assemble, WorkerPool& pool) {
   const std::int64_t rows = scratch_rows(*structure_);
   scratch_.require(3 * rows * pool.threads());
   other_y_.resize(static_cast<std::size_t>(structure_->scalar_at.back()));
-  for_each_task(pool, [&](int thread, const FrontTask& task, LoopRunner) {
+  for_each_task(structure_->tasks, pool, [&](int thread, const FrontTask& task, LoopRunner) {
     forward_substitute_fronts(task.begin, task.end, assemble, scratch_.data() + 3 * rows * thread);
   });
 }
@@ -114,7 +130,7 @@ FactorStatus FrontalCholesky::factorize(const FrontalStructure& structure, Assem
                  structure.statistics.factor_bytes / static_cast<std::int64_t>(sizeof(double)),
                  pool.threads());
   const std::int64_t rows = scratch_rows(structure);
-  for_each_task(pool, [&](int thread, const FrontTask& task, LoopRunner loop) {
+  for_each_task(structure.tasks, pool, [&](int thread, const FrontTask& task, LoopRunner loop) {
     factor_fronts(task.begin, task.end, assemble, scratch_.data() + 2 * rows * thread, loop);
   });
   return status();

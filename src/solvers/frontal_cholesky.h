@@ -70,6 +70,11 @@ class FrontalCholesky {
   explicit FrontalCholesky(const FactorOptions& options = {})
       : options_(options), factor_(options.residence) {}
 
+  /// Makes room for all of a factor at once, so that factors of ever larger subtrees need not be
+  /// moved from one room to the next: what was touched once stays. Where the factor may not be in
+  /// memory this does nothing.
+  void reserve(const FrontalStructure& structure);
+
   /// Factors H and eliminates b with it. Memory is kept for the next call.
   ///
   /// assemble(front, view) adds the cliques of structure.owned_by(front) to the view, which is zero
@@ -114,16 +119,25 @@ class FrontalCholesky {
 
   /// Factors a whole subtree only: the fronts first .. root, `root` being its root. What is left of
   /// H and b for the update variables of `root` stays in the workspace, for close_subtree, which
-  /// has to follow. `loop` may spread the loops inside large fronts.
+  /// has to follow. The threads of `pool` share a large subtree's tasks; or `loop` may spread the
+  /// loops inside large fronts, where the caller's own thread is one of a pool.
   template <class Assemble>
   FactorStatus factorize_subtree(const FrontalStructure& structure, std::int32_t first,
-                                 std::int32_t root, Assemble&& assemble, LoopRunner loop = {}) {
+                                 std::int32_t root, Assemble&& assemble, WorkerPool& pool,
+                                 LoopRunner loop = {}) {
     using Type = std::remove_reference_t<Assemble>;
     const auto call = [](const void* object, std::int32_t front, const FrontView& view) {
       (*static_cast<Type*>(const_cast<void*>(object)))(front, view);
     };
     return factorize_subtree(structure, first, root,
-                             Assembler{.call = call, .object = std::addressof(assemble)}, loop);
+                             Assembler{.call = call, .object = std::addressof(assemble)}, pool,
+                             loop);
+  }
+  template <class Assemble>
+  FactorStatus factorize_subtree(const FrontalStructure& structure, std::int32_t first,
+                                 std::int32_t root, Assemble&& assemble) {
+    WorkerPool caller_only;
+    return factorize_subtree(structure, first, root, assemble, caller_only);
   }
 
   /// Solves for the update variables of a factored subtree's root, with the given of their scalars
@@ -133,7 +147,7 @@ class FrontalCholesky {
   /// `decrease` becomes b' H^-1 b of the subtree. Call it straight after factorize_subtree: later
   /// fronts reuse the memory of the update matrix.
   bool close_subtree(std::int32_t first, std::int32_t root, std::span<const std::int32_t> held,
-                     std::span<double> by_position, double& decrease);
+                     std::span<double> by_position, double& decrease, WorkerPool& pool);
 
   /// What is left of H for the update variables of the root of a factored subtree: their Schur
   /// complement, without what other subtrees add. The lower triangle only. Valid straight after
@@ -162,9 +176,12 @@ class FrontalCholesky {
   FactorStatus factorize(const FrontalStructure& structure, Assembler assemble, WorkerPool& pool);
   void eliminate(RhsAssembler assemble, WorkerPool& pool);
   template <class Work>
-  void for_each_task(WorkerPool& pool, Work&& work);
+  void for_each_task(std::span<const FrontTask> tasks, WorkerPool& pool, Work&& work);
   FactorStatus factorize_subtree(const FrontalStructure& structure, std::int32_t first,
-                                 std::int32_t root, Assembler assemble, LoopRunner loop);
+                                 std::int32_t root, Assembler assemble, WorkerPool& pool,
+                                 LoopRunner loop);
+  void substitute_tasks(std::span<const FrontTask> tasks, double* by_position,
+                        WorkerPool& pool) const;
   FactorStatus status() const;
   void require_memory(const FrontalStructure& structure, std::int64_t first_panel,
                       std::int64_t end_panel, int threads);

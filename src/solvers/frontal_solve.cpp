@@ -11,6 +11,7 @@
 #include "mapjoin/solvers/front_layout.h"
 #include "mapjoin/solvers/frontal_cholesky.h"
 #include "mapjoin/solvers/patience.h"
+#include "mapjoin/solvers/pool_loop.h"
 #include "mapjoin/solvers/tree_scheduler.h"
 
 namespace mapjoin {
@@ -89,35 +90,46 @@ void FrontalCholesky::substitute_fronts(Index begin, Index end, double* x, doubl
   }
 }
 
-void FrontalCholesky::solve(Eigen::Ref<Eigen::VectorXd> x, WorkerPool& pool) const {
-  const FrontalStructure& s = *structure_;
-  std::vector<double> by_position(static_cast<std::size_t>(s.scalar_at.back()));
+/// Parents before children.
+void FrontalCholesky::substitute_tasks(std::span<const FrontTask> tasks, double* by_position,
+                                       WorkerPool& pool) const {
+  const auto rows = static_cast<std::size_t>(structure_->statistics.largest_front + 2 * kRowGroup);
   // Tasks are taken from the last to the first, each thread's own before those of others. A task
   // waits for its parent; of the tasks that are not done the last one waits for nobody, and its
   // owner or whoever took it comes to it next: so nobody waits forever.
   std::vector<Index> owner;
-  share_tasks(s.tasks, pool.threads(), owner);
-  std::vector<std::atomic<bool>> taken(s.tasks.size()), done(s.tasks.size());
+  share_tasks(tasks, pool.threads(), owner);
+  std::vector<std::atomic<bool>> taken(tasks.size()), done(tasks.size());
   pool.run([&](int thread) {
-    std::vector<double> local(static_cast<std::size_t>(s.statistics.largest_front + 2 * kRowGroup));
+    std::vector<double> local(rows);
     for (const bool own : {true, false}) {
-      for (std::size_t t = s.tasks.size(); t-- > 0;) {
+      for (std::size_t t = tasks.size(); t-- > 0;) {
         if ((owner[t] == thread) != own || taken[t].exchange(true, std::memory_order_relaxed))
           continue;
-        const FrontTask& task = s.tasks[t];
+        const FrontTask& task = tasks[t];
         for (Patience patience;
              task.parent >= 0 &&
              !done[static_cast<std::size_t>(task.parent)].load(std::memory_order_acquire);)
           patience.wait();
-        substitute_fronts(task.begin, task.end, by_position.data(), local.data());
+        substitute_fronts(task.begin, task.end, by_position, local.data());
         done[t].store(true, std::memory_order_release);
       }
     }
   });
-  for (std::size_t k = 0; k < s.order.size(); ++k) {
-    const Index length = s.scalar_at[k + 1] - s.scalar_at[k];
-    std::copy_n(by_position.data() + s.scalar_at[k], length, x.data() + s.scalar_of[s.order[k]]);
-  }
+}
+
+void FrontalCholesky::solve(Eigen::Ref<Eigen::VectorXd> x, WorkerPool& pool) const {
+  const FrontalStructure& s = *structure_;
+  std::vector<double> by_position(static_cast<std::size_t>(s.scalar_at.back()));
+  substitute_tasks(s.tasks, by_position.data(), pool);
+  constexpr int kChunk = 4096;  // variables
+  const auto variables = static_cast<int>(s.order.size());
+  run_loop((variables + kChunk - 1) / kChunk, loop_on(pool), [&](int c) {
+    for (int k = c * kChunk; k < std::min((c + 1) * kChunk, variables); ++k) {
+      const Index length = s.scalar_at[k + 1] - s.scalar_at[k];
+      std::copy_n(by_position.data() + s.scalar_at[k], length, x.data() + s.scalar_of[s.order[k]]);
+    }
+  });
 }
 
 void FrontalCholesky::solve(Eigen::Ref<Eigen::VectorXd> x) const {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "mapjoin/solvers/extend_add.h"
+#include "mapjoin/solvers/front_layout.h"
 #include "mapjoin/solvers/frontal_cholesky.h"
 
 namespace mapjoin {
@@ -22,7 +23,8 @@ Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>> FrontalCholesky::upda
 }
 
 bool FrontalCholesky::close_subtree(Index first, Index root, std::span<const Index> held,
-                                    std::span<double> by_position, double& decrease) {
+                                    std::span<double> by_position, double& decrease,
+                                    WorkerPool& pool) {
   const FrontalStructure& s = *structure_;
   const Index q = s.fronts[root].update_dim;
   const Index row_end = (q + kRowGroup) / kRowGroup * kRowGroup;  // with the right-hand side row
@@ -63,7 +65,11 @@ bool FrontalCholesky::close_subtree(Index first, Index root, std::span<const Ind
     }
     if (options_.residence.bytes >= 0) closing_.give_back(0, size);
   }
-  substitute_fronts(first, root + 1, by_position.data(), scratch_.data());
+  if (pool.threads() == 1) {
+    substitute_fronts(first, root + 1, by_position.data(), scratch_.data());
+  } else {
+    substitute_tasks(tasks_of_subtree(s, first, root), by_position.data(), pool);
+  }
   return true;
 }
 

@@ -8,6 +8,7 @@
 #include "mapjoin/graph/error.h"
 #include "mapjoin/solvers/elimination_tree.h"
 #include "mapjoin/solvers/front_layout.h"
+#include "mapjoin/solvers/pool_loop.h"
 
 namespace mapjoin {
 namespace {
@@ -34,8 +35,8 @@ std::vector<Index> running_sums(std::span<const Index> dims, IndexOf index) {
 class Analysis {
  public:
   Analysis(std::span<const Index> dims, Cliques cliques, std::span<const Index> order,
-           const MergingOptions& options, Index eliminated)
-      : cliques_(cliques), options_(options), eliminated_(eliminated) {
+           const MergingOptions& options, Index eliminated, WorkerPool* pool)
+      : cliques_(cliques), options_(options), eliminated_(eliminated), pool_(pool) {
     if (order.size() != dims.size())
       throw InputError("analyze: the order has another size than dims");
     s_.dims.assign(dims.begin(), dims.end());
@@ -45,18 +46,17 @@ class Analysis {
   }
 
   FrontalStructure run() {
-    stars_ = clique_stars(s_.position, cliques_);
+    stars_ = clique_stars(s_.position, cliques_, pool_);
     form_fronts();
     list_children();
-    list_updates();
-    assign_cliques();
-    locate_rows();
-    if (eliminated_ >= 0) {  // tree by tree, and what a tree leaves is used before the next one
-      s_.tasks = {{.begin = 0, .end = front_count()}};
-    } else {
-      plan_tasks(s_, options_.cost);
-    }
-    plan_memory(s_);
+    run_both(
+        pool_, [&] { list_updates(); },
+        [&] {
+          assign_cliques();
+          plan();
+        });
+    run_both(
+        pool_, [&] { locate_children(); }, [&] { locate_cliques(); });
     return std::move(s_);
   }
 
@@ -140,6 +140,15 @@ class Analysis {
     }
   }
 
+  void plan() {
+    if (eliminated_ >= 0) {  // tree by tree, and what a tree leaves is used before the next one
+      s_.tasks = {{.begin = 0, .end = front_count()}};
+    } else {
+      plan_tasks(s_, options_.cost);
+    }
+    plan_memory(s_);
+  }
+
   void assign_cliques() {
     s_.owned_start.assign(s_.fronts.size() + 1, 0);
     const auto front_of_clique = [&](std::int64_t k) {
@@ -156,24 +165,37 @@ class Analysis {
     }
   }
 
-  // For each front in turn: writes down the row of each of its variables, then looks up children
-  // and cliques in that.
-  void locate_rows() {
-    s_.clique_start.assign(cliques_.start.begin(), cliques_.start.end());
-    s_.clique_row.resize(cliques_.vars.size());
+  // Writes down the row of each of a front's variables. Returns how many rows there are.
+  Index number_rows(Index f, std::span<Index> row_at) const {
+    const Front& front = s_.fronts[f];
+    for (Index k = front.first_position; k < front.end_position; ++k) {
+      row_at[k] = s_.scalar_at[k] - front.first_scalar;
+    }
+    Index row = front.pivot_dim;
+    for (const Index k : s_.updates_of(f)) {
+      row_at[k] = row;
+      row += dim_at(k);
+    }
+    return row;
+  }
+
+  void locate_children() {
     std::vector<Index> row_at(s_.order.size());
     s_.run_range.resize(s_.fronts.size());
     for (Index f = 0; f < front_count(); ++f) {
-      const Front& front = s_.fronts[f];
-      for (Index k = front.first_position; k < front.end_position; ++k) {
-        row_at[k] = s_.scalar_at[k] - front.first_scalar;
-      }
-      Index row = front.pivot_dim;
-      for (const Index k : s_.updates_of(f)) {
-        row_at[k] = row;
-        row += dim_at(k);
-      }
-      for (const Index child : s_.children_of(f)) find_runs(child, row_at, row);
+      if (s_.children_of(f).empty()) continue;
+      const Index rows = number_rows(f, row_at);
+      for (const Index child : s_.children_of(f)) find_runs(child, row_at, rows);
+    }
+  }
+
+  void locate_cliques() {
+    std::vector<Index> row_at(s_.order.size());
+    s_.clique_start.assign(cliques_.start.begin(), cliques_.start.end());
+    s_.clique_row.resize(cliques_.vars.size());
+    for (Index f = 0; f < front_count(); ++f) {
+      if (s_.owned_by(f).empty()) continue;
+      number_rows(f, row_at);
       for (const std::int64_t clique : s_.owned_by(f)) {
         for (std::int64_t e = cliques_.start[clique]; e < cliques_.start[clique + 1]; ++e) {
           s_.clique_row[e] = row_at[s_.position[cliques_.vars[e]]];
@@ -204,6 +226,7 @@ class Analysis {
   Cliques cliques_;
   MergingOptions options_;
   Index eliminated_;
+  WorkerPool* pool_;
   FrontalStructure s_;
   Stars stars_;
   std::vector<Index> front_at_;  // per position
@@ -213,8 +236,8 @@ class Analysis {
 
 FrontalStructure analyze(std::span<const std::int32_t> dims, Cliques cliques,
                          std::span<const std::int32_t> order, const MergingOptions& options,
-                         std::int32_t eliminated) {
-  return Analysis(dims, cliques, order, options, eliminated).run();
+                         std::int32_t eliminated, WorkerPool* pool) {
+  return Analysis(dims, cliques, order, options, eliminated, pool).run();
 }
 
 }  // namespace mapjoin

@@ -12,18 +12,6 @@ namespace {
 
 std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
-/// Runs body(i) for i = 0 .. count - 1, spread by `loop`.
-template <class Body>
-void run_loop(int count, LoopRunner loop, const Body& body) {
-  if (loop.run == nullptr || count < 2) {
-    for (int i = 0; i < count; ++i) body(i);
-    return;
-  }
-  Body copy = body;
-  loop.run(loop.runner, count, &copy,
-           [](void* object, int i) { (*static_cast<Body*>(object))(i); });
-}
-
 }  // namespace
 
 /// Rows of the root's update matrix that hold the gauge of a subtree: a pose it shares with the
@@ -88,8 +76,8 @@ void ObservationSystem<D>::find_slots(std::int32_t first, std::int32_t root, con
 template <int D>
 auto ObservationSystem<D>::solve_subtree(std::int32_t first, std::int32_t root, const Piece<D>& sub,
                                          Places& places, SubtreeScratch& scratch,
-                                         Eigen::VectorXd& increment, LoopRunner loop)
-    -> std::optional<Step> {
+                                         Eigen::VectorXd& increment, WorkerPool& pool,
+                                         LoopRunner loop) -> std::optional<Step> {
   places.mark(sub.variables);
   const std::vector<std::int32_t> held = held_rows(root, sub, places);
   Step step;
@@ -99,20 +87,24 @@ auto ObservationSystem<D>::solve_subtree(std::int32_t first, std::int32_t root, 
     const auto assembler = [&](std::int32_t front, const FrontView& view) {
       const DenseTarget target = target_of(view);
       const std::size_t f = at(front);
+      double chi2 = 0.0;
       for (std::size_t r = 0; r < relative_.size(); ++r) {
         const Relative& group = relative_[r];
         if (group.front[f] == group.front[f + 1]) continue;
         RelativeBatch<D> part = batch(group, sub, group.front[f], group.front[f + 1]);
         part.slots = scratch.slots[r].data() + 2 * (group.front[f] - group.front[at(first)]);
-        step.chi2 += group.measurements->kind->linearize_relative(part, target);
+        chi2 += group.measurements->kind->linearize_relative(part, target);
       }
       if (submap_front_[f] != submap_front_[f + 1])
-        step.chi2 += assemble_submaps(front, target, sub, &places);
+        chi2 += assemble_submaps(front, target, sub, &places);
+      front_chi2_[f] = chi2;
     };
     scratch.by_position.resize(at(structure_.statistics.scalars));
-    solved = scratch.cholesky->factorize_subtree(structure_, first, root, assembler, loop).ok() &&
-             scratch.cholesky->close_subtree(first, root, held, scratch.by_position,
-                                             step.predicted_decrease);
+    solved =
+        scratch.cholesky->factorize_subtree(structure_, first, root, assembler, pool, loop).ok() &&
+        scratch.cholesky->close_subtree(first, root, held, scratch.by_position,
+                                        step.predicted_decrease, pool);
+    for (std::int32_t f = first; f <= root; ++f) step.chi2 += front_chi2_[at(f)];
   }
   if (solved) {
     std::int64_t total = 0;
@@ -158,12 +150,12 @@ double ObservationSystem<D>::subtree_chi2(std::int32_t first, std::int32_t root,
 
 template auto ObservationSystem<2>::solve_subtree(std::int32_t, std::int32_t, const Piece<2>&,
                                                   Places&, SubtreeScratch&, Eigen::VectorXd&,
-                                                  LoopRunner) -> std::optional<Step>;
+                                                  WorkerPool&, LoopRunner) -> std::optional<Step>;
 template double ObservationSystem<2>::subtree_chi2(std::int32_t, std::int32_t, const Piece<2>&,
                                                    Places&, SubtreeScratch&, LoopRunner) const;
 template auto ObservationSystem<3>::solve_subtree(std::int32_t, std::int32_t, const Piece<3>&,
                                                   Places&, SubtreeScratch&, Eigen::VectorXd&,
-                                                  LoopRunner) -> std::optional<Step>;
+                                                  WorkerPool&, LoopRunner) -> std::optional<Step>;
 template double ObservationSystem<3>::subtree_chi2(std::int32_t, std::int32_t, const Piece<3>&,
                                                    Places&, SubtreeScratch&, LoopRunner) const;
 

@@ -39,7 +39,7 @@ void ObservationSystem<D>::plan(const Piece<D>& piece, std::span<const std::int3
     std::sort(order.begin(), order.end(),
               [&](std::int32_t a, std::int32_t b) { return rank_of(a) < rank_of(b); });
   }
-  structure_ = analyze(list_.dims(), view, order);
+  structure_ = analyze(list_.dims(), view, order, {}, -1, pool);
 }
 
 /// Holds the pose that most observations touch. Where there is no pose, some scalars of the

@@ -65,11 +65,13 @@ class ObservationSystem {
   /// just these variables, this system's piece all variables of the graph. No new plan is made: the
   /// fronts are those of the whole. Nothing is returned when that cannot be done on the fronts
   /// alone (the shared variables do not fix a frame, or some variable is not determined): then plan
-  /// a system of its own. `increment` becomes d, in the order of sub's variables. Loops inside
-  /// large fronts are spread by `loop`; the bits are the same with it or without.
+  /// a system of its own. `increment` becomes d, in the order of sub's variables. The threads of
+  /// `pool` share a large subtree; or `loop` spreads what it can. The bits are the same whoever
+  /// helps.
   std::optional<Step> solve_subtree(std::int32_t first, std::int32_t root, const Piece<D>& sub,
                                     Places& places, SubtreeScratch& scratch,
-                                    Eigen::VectorXd& increment, LoopRunner loop = {});
+                                    Eigen::VectorXd& increment, WorkerPool& pool,
+                                    LoopRunner loop = {});
   /// The sum of r^T I r over the same observations, at the values of `sub`.
   double subtree_chi2(std::int32_t first, std::int32_t root, const Piece<D>& sub, Places& places,
                       SubtreeScratch& scratch, LoopRunner loop = {}) const;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/solvers/front_layout.h"
 #include "tests/support/clique_problem.h"
 
 namespace mapjoin {
@@ -107,6 +108,104 @@ TEST(FrontalCholesky, GivesTheSameBitsForAnyNumberOfThreads) {
       for (int repeat = 0; repeat < 5; ++repeat)
         ASSERT_EQ(one, solve(problem, structure, threads)) << threads;
     }
+  }
+}
+
+TEST(FrontalCholesky, AnalysesTheSameOnAnyNumberOfThreads) {
+  for (const Problem& problem : {grid_problem(40, 40, 3), random_problem(150, 900, 2)}) {
+    const FrontalStructure one = analyze(problem);
+    for (const int threads : {1, 2, 3}) {
+      WorkerPool pool(threads);
+      const FrontalStructure s =
+          mapjoin::analyze(problem.dims(), problem.cliques(),
+                           order_blocks(problem.dims(), problem.cliques()), {}, -1, &pool);
+      EXPECT_EQ(s.order, one.order);
+      EXPECT_EQ(s.updates, one.updates);
+      EXPECT_EQ(s.owned, one.owned);
+      EXPECT_EQ(s.clique_row, one.clique_row);
+      ASSERT_EQ(s.runs.size(), one.runs.size());
+      for (std::size_t r = 0; r < s.runs.size(); ++r) {
+        EXPECT_EQ(s.runs[r].from, one.runs[r].from);
+        EXPECT_EQ(s.runs[r].to, one.runs[r].to);
+        EXPECT_EQ(s.runs[r].length, one.runs[r].length);
+      }
+      ASSERT_EQ(s.fronts.size(), one.fronts.size());
+      for (std::size_t f = 0; f < s.fronts.size(); ++f) {
+        EXPECT_EQ(s.fronts[f].panel, one.fronts[f].panel);
+        EXPECT_EQ(s.fronts[f].update, one.fronts[f].update);
+        EXPECT_EQ(s.run_range[f].begin, one.run_range[f].begin);
+      }
+      EXPECT_EQ(s.tasks.size(), one.tasks.size());
+    }
+  }
+}
+
+/// First front of the subtree of each front.
+std::vector<std::int32_t> subtree_begins(const FrontalStructure& structure) {
+  std::vector<std::int32_t> begin(structure.fronts.size());
+  for (std::int32_t f = 0; f < static_cast<std::int32_t>(begin.size()); ++f) {
+    const auto children = structure.children_of(f);
+    begin[static_cast<std::size_t>(f)] =
+        children.empty() ? f : begin[static_cast<std::size_t>(children.front())];
+  }
+  return begin;
+}
+
+TEST(FrontalCholesky, HasSubtreesMadeOfWholeTasksThatWaitForTheirOwnChildrenAlone) {
+  const Problem problem = grid_problem(60, 60, 3);
+  const FrontalStructure structure = analyze(problem);
+  const auto begin = subtree_begins(structure);
+  int with_several = 0;
+  for (std::int32_t root = 0; root < static_cast<std::int32_t>(begin.size()); ++root) {
+    const std::int32_t first = begin[static_cast<std::size_t>(root)];
+    const std::vector<FrontTask> tasks = tasks_of_subtree(structure, first, root);
+    with_several += tasks.size() > 1 ? 1 : 0;
+    std::int32_t next = first;
+    std::vector<int> waits_for(tasks.size(), 0);
+    for (std::size_t t = 0; t < tasks.size(); ++t) {
+      EXPECT_EQ(tasks[t].begin, next);
+      next = tasks[t].end;
+      if (t + 1 == tasks.size()) {
+        EXPECT_EQ(tasks[t].parent, -1);
+        continue;
+      }
+      const std::int32_t above = structure.fronts[tasks[t].end - 1].parent;
+      ASSERT_GT(tasks[t].parent, static_cast<std::int32_t>(t));
+      ASSERT_LT(tasks[t].parent, static_cast<std::int32_t>(tasks.size()));
+      const FrontTask& parent = tasks[static_cast<std::size_t>(tasks[t].parent)];
+      EXPECT_TRUE(parent.begin <= above && above < parent.end);
+      ++waits_for[static_cast<std::size_t>(tasks[t].parent)];
+    }
+    EXPECT_EQ(next, root + 1);
+    for (std::size_t t = 0; t < tasks.size(); ++t) EXPECT_EQ(tasks[t].waits_for, waits_for[t]);
+  }
+  EXPECT_GT(with_several, 10);
+}
+
+TEST(FrontalCholesky, FactorizesEverySubtreeToTheSameBitsOnAnyNumberOfThreads) {
+  const Problem problem = grid_problem(40, 40, 3);
+  const FrontalStructure structure = analyze(problem);
+  const auto begin = subtree_begins(structure);
+  WorkerPool alone;
+  WorkerPool three(3);
+  for (std::int32_t root = 0; root < static_cast<std::int32_t>(begin.size()); ++root) {
+    const std::int32_t first = begin[static_cast<std::size_t>(root)];
+    if (root - first < 20 || structure.fronts[static_cast<std::size_t>(root)].parent < 0) continue;
+    std::vector<std::vector<double>> x;
+    std::vector<double> decrease;
+    for (WorkerPool* pool : {&alone, &three}) {
+      FrontalCholesky cholesky;
+      cholesky.reserve(structure);
+      ASSERT_TRUE(
+          cholesky.factorize_subtree(structure, first, root, problem.assembler(structure), *pool)
+              .ok());
+      x.emplace_back(static_cast<std::size_t>(problem.scalars()), 0.0);
+      decrease.push_back(0.0);
+      const std::vector<std::int32_t> held{0, 1, 2};
+      ASSERT_TRUE(cholesky.close_subtree(first, root, held, x.back(), decrease.back(), *pool));
+    }
+    EXPECT_EQ(x[0], x[1]);
+    EXPECT_EQ(decrease[0], decrease[1]);
   }
 }
 

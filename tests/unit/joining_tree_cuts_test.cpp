@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <numeric>
 #include <vector>
 
+#include "mapjoin/joining/tree_walk.h"
 #include "mapjoin/solvers/block_ordering.h"
 #include "tests/support/clique_problem.h"
 
@@ -23,12 +25,12 @@ CliqueProblem line(int poses) {
 }
 
 struct Sample {
-  explicit Sample(const CliqueProblem& problem, int leaf, int arity)
+  explicit Sample(const CliqueProblem& problem, int leaf, int arity, int threads = 1)
       : observations(problem.cliques().size()),
         structure(analyze(problem.dims(), problem.cliques(),
                           order_blocks(problem.dims(), problem.cliques()))),
         cuts(cut_tree(structure, observations, leaf, arity)),
-        plan(plan_cuts(structure, cuts)) {}
+        plan(plan_cuts(structure, cuts, threads)) {}
   std::int64_t observations;
   FrontalStructure structure;
   std::vector<Cut> cuts;
@@ -114,6 +116,75 @@ TEST(TreeCuts, ArePlannedWithEveryGroupOnceBeforeWhatJoinsIt) {
       EXPECT_EQ(waits_for[t], s.plan.forest[t].waits_for);
   }
   EXPECT_GT(with_leaves, 0);
+}
+
+// Where one cut has most of the work, no thread should be alone with it.
+TEST(TreeCuts, OfMoreThanTheirShareAreDoneByAllThreadsTogether) {
+  const Sample alone(testing_support::grid_problem(40, 40, 3), 16, 8, 1);
+  EXPECT_EQ(std::ranges::count(alone.plan.together, 1), 0);
+  std::ptrdiff_t before = 0;
+  for (const int threads : {2, 8}) {
+    const Sample s(testing_support::grid_problem(40, 40, 3), 16, 8, threads);
+    ASSERT_EQ(s.plan.together.size(), s.plan.tasks.size());
+    const auto together = std::ranges::count(s.plan.together, 1);
+    EXPECT_GT(together, before);  // shares are smaller
+    before = together;
+    EXPECT_LT(together, static_cast<std::ptrdiff_t>(s.cuts.size()) / 2);
+    for (std::size_t t = 0; t < s.plan.tasks.size(); ++t) {
+      if (s.plan.together[t] == 0) continue;
+      EXPECT_EQ(s.plan.tasks[t].leaf, -1);
+      const std::int32_t above = s.plan.forest[t].parent;
+      EXPECT_TRUE(above < 0 || s.plan.together[static_cast<std::size_t>(above)] == 1);
+    }
+  }
+}
+
+TEST(Forest, IsWalkedChildrenFirstAndWhatIsTogetherLast) {
+  // 0 and 1 below 4, 2 and 3 below 5, both below 6; a tree 7 by itself.
+  std::vector<FrontTask> nodes(8);
+  const std::vector<std::int32_t> parent{4, 4, 5, 5, 6, 6, -1, -1};
+  for (std::size_t n = nodes.size(); n-- > 0;) {
+    nodes[n].parent = parent[n];
+    nodes[n].path_cost = 1.0;
+    if (parent[n] < 0) continue;
+    nodes[n].path_cost += nodes[static_cast<std::size_t>(parent[n])].path_cost;
+    ++nodes[static_cast<std::size_t>(parent[n])].waits_for;
+  }
+  const std::vector<char> together{0, 0, 0, 0, 0, 1, 1, 0};
+  const ForestPart apart = part_of(nodes, together);
+  EXPECT_EQ(apart.number, (std::vector<std::int32_t>{0, 1, 2, 3, 4, 7}));
+  std::vector<std::int32_t> parents;
+  std::vector<double> costs;
+  for (const FrontTask& node : apart.nodes) {
+    parents.push_back(node.parent);
+    costs.push_back(node.path_cost);
+  }
+  EXPECT_EQ(parents, (std::vector<std::int32_t>{4, 4, -1, -1, -1, -1}));
+  EXPECT_EQ(costs, (std::vector<double>{2, 2, 1, 1, 1, 1}));
+  for (const int threads : {1, 2, 5}) {
+    SCOPED_TRACE(threads);
+    WorkerPool pool(threads);
+    std::vector<int> when(nodes.size(), -1);
+    std::atomic<int> clock = 0;
+    walk_forest(nodes, together, pool, {}, [&](int node, int thread, LoopRunner) {
+      when[static_cast<std::size_t>(node)] = clock++;
+      EXPECT_TRUE(together[static_cast<std::size_t>(node)] == 0 || thread == 0);
+    });
+    EXPECT_EQ(clock, 8);
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+      EXPECT_TRUE(parent[n] < 0 || when[n] < when[static_cast<std::size_t>(parent[n])]);
+    }
+    EXPECT_TRUE(threads == 1 || when[6] == 7);
+    // What one node throws leaves out what is above it, together or not.
+    std::vector<char> done(nodes.size(), 0);
+    EXPECT_THROW(walk_forest(nodes, together, pool, {},
+                             [&](int node, int, LoopRunner) {
+                               if (node == 3) throw InputError("no");
+                               done[static_cast<std::size_t>(node)] = 1;
+                             }),
+                 InputError);
+    EXPECT_EQ(done, (std::vector<char>{1, 1, 1, 0, 1, 0, 0, 1}));
+  }
 }
 
 }  // namespace

@@ -9,6 +9,8 @@
 #include <thread>
 #include <vector>
 
+#include "mapjoin/graph/error.h"
+#include "mapjoin/solvers/pool_loop.h"
 #include "mapjoin/solvers/tree_scheduler.h"
 
 namespace mapjoin {
@@ -44,6 +46,33 @@ TEST(WorkerPool, HandsResultsFromJobToJob) {
     expected = next;
   }
   EXPECT_EQ(value, expected);
+}
+
+TEST(WorkerPool, RunsLoopsAndPairsOfStepsOnAnyNumberOfThreads) {
+  for (const int threads : {1, 2, 5}) {
+    SCOPED_TRACE(threads);
+    WorkerPool pool(threads);
+    for (const int count : {0, 1, 2, 1000}) {
+      std::vector<int> done(static_cast<std::size_t>(count), 0);
+      run_loop(count, loop_on(pool), [&](int i) { ++done[static_cast<std::size_t>(i)]; });
+      EXPECT_EQ(done, std::vector<int>(done.size(), 1));
+    }
+    int first = 0, second = 0;
+    run_both(
+        &pool, [&] { ++first; }, [&] { ++second; });
+    EXPECT_EQ(first + 10 * second, 11);
+    EXPECT_THROW(run_both(
+                     &pool, [] { throw InputError("first"); }, [&] { ++second; }),
+                 InputError);
+    EXPECT_THROW(run_both(
+                     &pool, [&] { ++first; }, [] { throw SingularError("second"); }),
+                 SingularError);
+    EXPECT_EQ(first, 2);
+  }
+  int steps = 0;
+  run_both(
+      nullptr, [&] { ++steps; }, [&] { steps *= 5; });
+  EXPECT_EQ(steps, 5);
 }
 
 TEST(WorkerPool, WakesThreadsThatHaveGoneToSleep) {

@@ -1,0 +1,42 @@
+// Loops, and pairs of steps, spread over an idle pool.
+#pragma once
+
+#include <exception>
+
+#include "mapjoin/solvers/front_kernels.h"
+#include "mapjoin/solvers/worker_pool.h"
+
+namespace mapjoin {
+
+/// Spreads loops over the threads of a pool, which take iterations one by one. A plain loop where
+/// there is one thread. The pool must be
+/// idle when a loop starts, and outlive the runner.
+LoopRunner loop_on(WorkerPool& pool);
+
+/// Runs two steps that have nothing to do with one another, at the same time where there is a pool
+/// of threads. Throws on what they throw, the first one's before the second one's.
+template <class First, class Second>
+void run_both(WorkerPool* pool, const First& first, const Second& second) {
+  if (pool == nullptr || pool->threads() == 1) {
+    first();
+    second();
+    return;
+  }
+  std::exception_ptr failures[2];
+  const auto run = [&](int step, const auto& body) {
+    try {
+      body();
+    } catch (...) {
+      failures[step] = std::current_exception();
+    }
+  };
+  pool->run([&](int thread) {
+    if (thread == 0) run(0, first);
+    if (thread == 1) run(1, second);
+  });
+  for (const std::exception_ptr& failure : failures) {
+    if (failure) std::rethrow_exception(failure);
+  }
+}
+
+}  // namespace mapjoin
