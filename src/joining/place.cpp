@@ -90,40 +90,76 @@ std::optional<Rigid<D>> fit(const VariableSet<D>& all, const std::vector<Piece<D
   return align<D>(columns);
 }
 
+/// A variable as one of several pieces holds it.
+struct Held {
+  int variable;
+  int member;  // of the pieces that are united
+  int place;   // in that piece
+};
+
+/// Everything that the pieces hold, by variable, then by member: each piece is in order, so
+/// neighbours are merged until one run is left.
+template <int D>
+std::vector<Held> merge_held(const std::vector<Piece<D>>& pieces, const std::vector<int>& members) {
+  std::size_t total = 0;
+  for (const int m : members) total += pieces[static_cast<std::size_t>(m)].variables.size();
+  std::vector<Held> held, merged(total);
+  held.reserve(total);
+  std::vector<std::ptrdiff_t> start{0};  // of each run
+  for (std::size_t m = 0; m < members.size(); ++m) {
+    const Piece<D>& piece = pieces[static_cast<std::size_t>(members[m])];
+    for (int k = 0; k < piece.size(); ++k)
+      held.push_back({piece.variables[static_cast<std::size_t>(k)], static_cast<int>(m), k});
+    start.push_back(static_cast<std::ptrdiff_t>(held.size()));
+  }
+  while (start.size() > 2) {
+    std::vector<std::ptrdiff_t> next{0};
+    for (std::size_t r = 0; r + 1 < start.size(); r += 2) {
+      const std::ptrdiff_t middle = start[r + 1];
+      const std::ptrdiff_t end = r + 2 < start.size() ? start[r + 2] : middle;
+      std::merge(held.begin() + start[r], held.begin() + middle, held.begin() + middle,
+                 held.begin() + end, merged.begin() + start[r],
+                 [](const Held& a, const Held& b) { return a.variable < b.variable; });
+      next.push_back(end);
+    }
+    held.swap(merged);
+    start = std::move(next);
+  }
+  return held;
+}
+
 }  // namespace
 
 template <int D>
 Piece<D> unite(const VariableSet<D>& all, std::vector<Piece<D>>& pieces,
                const std::vector<int>& members) {
   if (members.size() == 1) return std::move(pieces[static_cast<std::size_t>(members[0])]);
+  const std::vector<Held> held = merge_held(pieces, members);
   std::vector<int> variables;
-  std::size_t observations = 0;
-  for (const int m : members) {
-    const Piece<D>& piece = pieces[static_cast<std::size_t>(m)];
-    variables.insert(variables.end(), piece.variables.begin(), piece.variables.end());
-    observations += piece.observations.size();
+  variables.reserve(held.size());
+  for (const Held& h : held) {
+    if (variables.empty() || variables.back() != h.variable) variables.push_back(h.variable);
   }
-  std::sort(variables.begin(), variables.end());
-  variables.erase(std::unique(variables.begin(), variables.end()), variables.end());
   Piece<D> out = make_piece(all, std::move(variables));
-  out.observations.reserve(observations);
-  for (auto m = members.rbegin(); m != members.rend();
-       ++m) {  // the earlier placed overwrite the later
-    const Piece<D>& piece = pieces[static_cast<std::size_t>(*m)];
-    for (std::size_t c = 0; c < piece.data.size(); ++c) {
-      const auto size = static_cast<std::size_t>(all.column(static_cast<int>(c)).kind->value_size);
-      auto to = out.variables.begin() + out.column_start[c];
-      for (int k = piece.column_start[c]; k < piece.column_start[c + 1]; ++k) {
-        const int v = piece.variables[static_cast<std::size_t>(k)];
-        while (*to < v) ++to;
-        const auto at = static_cast<std::size_t>(to - out.variables.begin() - out.column_start[c]);
-        std::memcpy(
-            out.data[c].data() + at * size,
-            piece.data[c].data() + static_cast<std::size_t>(k - piece.column_start[c]) * size,
-            size * sizeof(double));
-      }
+  auto h = held.begin();
+  for (std::size_t c = 0; c < out.data.size(); ++c) {
+    const auto size = static_cast<std::size_t>(all.column(static_cast<int>(c)).kind->value_size);
+    double* to = out.data[c].data();
+    for (int k = out.column_start[c]; k < out.column_start[c + 1]; ++k, to += size) {
+      const int v = out.variables[static_cast<std::size_t>(k)];
+      const Piece<D>& from =
+          pieces[static_cast<std::size_t>(members[static_cast<std::size_t>(h->member)])];
+      std::memcpy(
+          to,
+          from.data[c].data() + static_cast<std::size_t>(h->place - from.column_start[c]) * size,
+          size * sizeof(double));
+      while (h != held.end() && h->variable == v) ++h;
     }
   }
+  std::size_t observations = 0;
+  for (const int m : members)
+    observations += pieces[static_cast<std::size_t>(m)].observations.size();
+  out.observations.reserve(observations);
   for (const int m : members) {
     const Piece<D>& piece = pieces[static_cast<std::size_t>(m)];
     out.observations.insert(out.observations.end(), piece.observations.begin(),
