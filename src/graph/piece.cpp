@@ -52,14 +52,23 @@ Piece<D> to_piece(const VariableSet<D>& all, const Values<D>& values) {
 }
 
 template <int D>
-void retract(const VariableSet<D>& all, Piece<D>& piece, std::span<const double> d) {
+void retract(const VariableSet<D>& all, Piece<D>& piece, std::span<const double> d, int first,
+             int last) {
   std::size_t scalar = 0;
   for (std::size_t c = 0; c < piece.data.size(); ++c) {
     const VariableKind<D>& kind = *all.column(static_cast<int>(c)).kind;
-    const auto count = static_cast<std::size_t>(piece.column_size(c));
-    kind.retract(piece.data[c].data(), d.data() + scalar, count);
-    scalar += count * static_cast<std::size_t>(kind.dim);
+    const int from = std::clamp(first - piece.column_start[c], 0, piece.column_size(c));
+    const int to = std::clamp(last - piece.column_start[c], from, piece.column_size(c));
+    kind.retract(piece.data[c].data() + static_cast<std::ptrdiff_t>(from) * kind.value_size,
+                 d.data() + scalar + static_cast<std::ptrdiff_t>(from) * kind.dim,
+                 static_cast<std::size_t>(to - from));
+    scalar += static_cast<std::size_t>(piece.column_size(c)) * static_cast<std::size_t>(kind.dim);
   }
+}
+
+template <int D>
+void retract(const VariableSet<D>& all, Piece<D>& piece, std::span<const double> d) {
+  retract(all, piece, d, 0, piece.size());
 }
 
 template <int D>
@@ -73,12 +82,13 @@ std::vector<int> offsets_of(const VariableSet<D>& all, const Piece<D>& piece) {
   return out;
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                         \
-  template Piece<D> to_piece<D>(const VariableSet<D>&, const Values<D>&);              \
-  template void retract<D>(const VariableSet<D>&, Piece<D>&, std::span<const double>); \
-  template std::vector<int> offsets_of<D>(const VariableSet<D>&, const Piece<D>&);     \
-  template Piece<D> make_piece<D>(const VariableSet<D>&, std::vector<int>);            \
-  template void move<D>(const VariableSet<D>&, Piece<D>&, const Rigid<D>&);            \
+#define MAPJOIN_INSTANTIATE(D)                                                                   \
+  template Piece<D> to_piece<D>(const VariableSet<D>&, const Values<D>&);                        \
+  template void retract<D>(const VariableSet<D>&, Piece<D>&, std::span<const double>);           \
+  template void retract<D>(const VariableSet<D>&, Piece<D>&, std::span<const double>, int, int); \
+  template std::vector<int> offsets_of<D>(const VariableSet<D>&, const Piece<D>&);               \
+  template Piece<D> make_piece<D>(const VariableSet<D>&, std::vector<int>);                      \
+  template void move<D>(const VariableSet<D>&, Piece<D>&, const Rigid<D>&);                      \
   template Values<D> to_values<D>(const VariableSet<D>&, const Piece<D>&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

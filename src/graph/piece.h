@@ -55,6 +55,12 @@ Piece<D> to_piece(const VariableSet<D>& all, const Values<D>& values);
 template <int D>
 void retract(const VariableSet<D>& all, Piece<D>& piece, std::span<const double> d);
 
+/// The same for the variables at places first .. last - 1 of the piece alone; `d` is that of all.
+/// Parts without common places may be done at the same time.
+template <int D>
+void retract(const VariableSet<D>& all, Piece<D>& piece, std::span<const double> d, int first,
+             int last);
+
 /// First scalar of every variable of the piece in its stacked tangent, and the number of scalars at
 /// the end.
 template <int D>

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/solvers/pool_loop.h"
 
 namespace mapjoin {
 
@@ -31,6 +32,19 @@ typename ObservationSystem<D>::Step solve(const MeasurementGraph<D>& graph, cons
   return step;
 }
 
+/// x = x [+] d, on all threads.
+template <int D>
+void take_step(const MeasurementGraph<D>& graph, Piece<D>& piece, const Eigen::VectorXd& d,
+               WorkerPool& pool) {
+  constexpr int kChunk = 2048;  // variables
+  const std::span<const double> step(d.data(), static_cast<std::size_t>(d.size()));
+  const auto chunk = [&](int i) {
+    retract(graph.variables, piece, step, i * kChunk, std::min((i + 1) * kChunk, piece.size()));
+  };
+  const int chunks = (piece.size() + kChunk - 1) / kChunk;
+  run_loop(chunks, loop_on(pool), chunk);
+}
+
 /// Of chi2: a step that promises no more hardly turns anything, and its matrix serves once more.
 constexpr double kSmallStep = 0.01;
 
@@ -49,8 +63,7 @@ typename ObservationSystem<D>::Step linear_step(const MeasurementGraph<D>& graph
                                                 FrontalCholesky& cholesky, WorkerPool& pool) {
   Eigen::VectorXd d;
   const auto step = solve(graph, piece, system, cholesky, pool, d);
-  retract(graph.variables, piece,
-          std::span<const double>(d.data(), static_cast<std::size_t>(d.size())));
+  take_step(graph, piece, d, pool);
   return step;
 }
 
@@ -60,8 +73,7 @@ void linear_step_if_determined(const MeasurementGraph<D>& graph, Piece<D>& piece
                                WorkerPool& pool) {
   Eigen::VectorXd d;
   if (!system.solve(piece, cholesky, pool, d).ok() || !d.allFinite()) return;
-  retract(graph.variables, piece,
-          std::span<const double>(d.data(), static_cast<std::size_t>(d.size())));
+  take_step(graph, piece, d, pool);
 }
 
 template <int D>
@@ -93,8 +105,7 @@ RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, Observati
     before = piece.data;
     double length = 1.0;
     for (int halving = 0;; ++halving) {
-      retract(graph.variables, piece,
-              std::span<const double>(d.data(), static_cast<std::size_t>(d.size())));
+      take_step(graph, piece, d, pool);
       result.chi2 = system.chi2(piece, pool);
       if (result.chi2 <= step.chi2) break;
       piece.data = before;
