@@ -109,11 +109,12 @@ void add_join_arguments(CLI::App& command, JoinArguments& a) {
   command
       .add_option("--memory-limit", a.memory_limit,
                   "Stay within this much memory, as in 600MB or 4GB: what does not fit is kept in "
-                  "files; the result is the same, to the bit")
+                  "files; the result is the same, to the bit. 0: as much as it takes")
       ->transform(CLI::AsSizeValue(false))
       ->check([](const std::string& bytes) -> std::string {
         constexpr double kLeast = 1e6;
-        if (std::stod(bytes) >= kLeast) return {};
+        const double limit = std::stod(bytes);
+        if (limit == 0.0 || limit >= kLeast) return {};
         return bytes + " bytes are less than any run needs; did you mean " + bytes + "MB?";
       })
       ->type_name("SIZE");

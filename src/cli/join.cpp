@@ -5,6 +5,7 @@
 
 #include "mapjoin/association/sessions.h"
 #include "mapjoin/cli/commands.h"
+#include "mapjoin/cli/freed_memory.h"
 #include "mapjoin/cli/input.h"
 #include "mapjoin/cli/join_command.h"
 #include "mapjoin/cli/progress.h"
@@ -115,6 +116,7 @@ void expect_linear_only(const CLI::App& command, const JoinCommand& a) {
 void join(const JoinCommand& given) {
   JoinCommand a = given;
   expect_outputs(a.join);
+  if (a.join.memory_limit == 0) keep_freed_memory();
   // A folder is a sequence of local maps; where nothing asks for that, its native maps are joined
   // as finished maps are, with all that they carry.
   const bool as_sequence =

@@ -4,6 +4,7 @@
 
 #include "mapjoin/building/solve.h"
 #include "mapjoin/cli/commands.h"
+#include "mapjoin/cli/freed_memory.h"
 #include "mapjoin/cli/input.h"
 #include "mapjoin/cli/progress.h"
 #include "mapjoin/cli/raw.h"
@@ -52,6 +53,7 @@ JoinResult<D> solve_by_maps(const Arguments& a, const MeasurementGraph<D>& graph
 void solve(const Arguments& given) {
   Arguments a = given;
   expect_outputs(a.join);
+  if (a.join.memory_limit == 0) keep_freed_memory();
   // Local maps in order of time are joined as the paper has it, neighbours first.
   if (a.local_maps > 0 && a.join.tree.empty() && a.join.mode == "observe") a.join.tree = "order";
   if (input_format(a.graph) != InputFormat::kG2o) {

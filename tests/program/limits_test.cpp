@@ -141,6 +141,7 @@ TEST_F(Limits, AMemoryLimitWithoutItsUnitIsAskedAbout) {
   const std::string world = simulate("manhattan", 50);
   expect_refused({"solve", world, "--memory-limit", "13000", "--output", file("out.g2o")},
                  "did you mean 13000MB?");
+  run({"solve", world, "--memory-limit", "0", "--output", file("out.g2o")});  // none
 }
 
 }  // namespace
