@@ -67,18 +67,28 @@ struct RelativeKernel {
   static double linearize(const RelativeBatch<D>& batch, const DenseTarget& target) {
     double sum = 0.0;
     for (std::size_t k = 0; k < batch.size; ++k) {
-      const std::int64_t id = batch.id[k];
-      const Rigid<D> from_map = pose(batch.poses, batch.slots[2 * k]).inverse();
-      const Value& x = value(batch.values, batch.slots[2 * k + 1]);
       Mat<N, N> Jx;
       Mat<N, G> minus_Ja;
-      const Vec<N> r = linearized_local<T>(
-          value(batch.z, id), T::template transform<double>(from_map, x), Jx, minus_Ja);
-      if constexpr (T::action != FrameAction::kBody && T::action != FrameAction::kInvariant)
-        Jx = Mat<N, N>(Jx * frame_jacobian<T>(from_map, x));
+      const Vec<N> r = residual(batch, k, Jx, minus_Ja);
       const Columns J = columns_of(minus_Ja, Jx, r);
-      sum +=
-          add(J, batch.info + id * (N * N), batch.offsets[2 * k], batch.offsets[2 * k + 1], target);
+      sum += add(J, batch.info + batch.id[k] * std::int64_t{N * N}, batch.offsets[2 * k],
+                 batch.offsets[2 * k + 1], target);
+    }
+    return sum;
+  }
+
+  /// Adds -J^T I r alone, to `rhs`, by the batch's offsets; returns the sum of r^T I r.
+  static double gradient(const RelativeBatch<D>& batch, double* rhs) {
+    double sum = 0.0;
+    for (std::size_t k = 0; k < batch.size; ++k) {
+      Mat<N, N> Jx;
+      Mat<N, G> minus_Ja;
+      const Vec<N> r = residual(batch, k, Jx, minus_Ja);
+      const Eigen::Map<const Mat<N, N>> info(batch.info + batch.id[k] * std::int64_t{N * N});
+      const Vec<N> weighted = info * r;
+      Eigen::Map<Vec<G>>(rhs + batch.offsets[2 * k]).noalias() += minus_Ja.transpose() * weighted;
+      Eigen::Map<Vec<N>>(rhs + batch.offsets[2 * k + 1]).noalias() -= Jx.transpose() * weighted;
+      sum += r.dot(weighted);
     }
     return sum;
   }
@@ -97,6 +107,18 @@ struct RelativeKernel {
   }
 
  private:
+  /// r of measurement k, and its derivatives by the observed variable and, negative, by the pose.
+  static Vec<N> residual(const RelativeBatch<D>& batch, std::size_t k, Mat<N, N>& Jx,
+                         Mat<N, G>& minus_Ja) {
+    const Rigid<D> from_map = pose(batch.poses, batch.slots[2 * k]).inverse();
+    const Value& x = value(batch.values, batch.slots[2 * k + 1]);
+    const Vec<N> r = linearized_local<T>(value(batch.z, batch.id[k]),
+                                         T::template transform<double>(from_map, x), Jx, minus_Ja);
+    if constexpr (T::action != FrameAction::kBody && T::action != FrameAction::kInvariant)
+      Jx = Mat<N, N>(Jx * frame_jacobian<T>(from_map, x));
+    return r;
+  }
+
   static constexpr int W = G + N;                 ///< scalars of the pose and of the variable
   static constexpr int Padded = (W + 8) / 8 * 8;  ///< with r, to whole vectors
 

@@ -46,6 +46,8 @@ struct VariableKind {
   void (*offsets)(const double* x, const int* index, std::size_t n, double* out) = nullptr;
   /// Normal equations of measurements of this type taken from poses; see relative_kernel.h.
   double (*linearize_relative)(const RelativeBatch<D>&, const DenseTarget&) = nullptr;
+  /// Their right-hand side alone, and chi2.
+  double (*gradient_relative)(const RelativeBatch<D>&, double* rhs) = nullptr;
   /// Their chi2 alone.
   double (*chi2_relative)(const RelativeBatch<D>&) = nullptr;
 };
@@ -148,6 +150,7 @@ constexpr VariableKind<T::ambient> make_kind() {
   kind.directions = HasDirection<T> ? &F::directions : nullptr;
   kind.offsets = HasOffset<T> ? &F::offsets : nullptr;
   kind.linearize_relative = &RelativeKernel<T>::linearize;
+  kind.gradient_relative = &RelativeKernel<T>::gradient;
   kind.chi2_relative = &RelativeKernel<T>::chi2;
   return kind;
 }

@@ -209,13 +209,23 @@ void ObservationSystem<D>::assemble(std::int32_t front, const DenseTarget& targe
   front_chi2_[f] = chi2;
 }
 
-/// The right-hand side alone. The columns of the matrix are folded onto one another in `room`,
-/// where nobody looks at them: each begins one further on, so that `rhs` is its last row.
+/// The right-hand side alone. Of submaps, the columns of the matrix are folded onto one another in
+/// `room`, where nobody looks at them: each begins one further on, so that `rhs` is its last row.
 template <int D>
 void ObservationSystem<D>::assemble_rhs(std::int32_t front, double* rhs, double* room,
                                         const Piece<D>& piece) {
-  const std::int64_t rows = structure_.fronts[at(front)].rows();
-  assemble(front, {room, 1, rows, nullptr, 0, rhs - room}, piece);
+  const std::size_t f = at(front);
+  double chi2 = 0.0;
+  for (const Relative& group : relative_) {
+    if (group.front[f] == group.front[f + 1]) continue;
+    chi2 += group.measurements->kind->gradient_relative(
+        batch(group, piece, group.front[f], group.front[f + 1]), rhs);
+  }
+  if (submap_front_[f] != submap_front_[f + 1]) {
+    const std::int64_t rows = structure_.fronts[f].rows();
+    chi2 += assemble_submaps(front, {room, 1, rows, nullptr, 0, rhs - room}, piece, nullptr);
+  }
+  front_chi2_[f] = chi2;
 }
 
 template <int D>
