@@ -1,5 +1,6 @@
 #include "mapjoin/solvers/frontal_cholesky.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
