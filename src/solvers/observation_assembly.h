@@ -16,16 +16,15 @@ inline DenseTarget target_of(const FrontView& view) {
           view.update_stride(), view.rows()};
 }
 
-/// r^T I r of a batch, summed chunk by chunk, the same whoever computes them:
-/// for_each(count, body) calls body(c) for c = 0 .. count - 1, on as many threads as it likes.
-/// `parts` is scratch.
-template <int D, class ForEach>
+/// r^T I r of a batch, summed chunk by chunk, the same whoever computes them; `loop` spreads the
+/// chunks. `parts` is scratch.
+template <int D>
 double chi2_in_chunks(const VariableKind<D>& kind, const RelativeBatch<D>& batch,
-                      std::vector<double>& parts, ForEach&& for_each) {
+                      std::vector<double>& parts, LoopRunner loop) {
   constexpr std::int64_t kChunk = 1024;  // measurements: fixed, so that sums are
   const auto size = static_cast<std::int64_t>(batch.size);
   parts.assign(static_cast<std::size_t>((size + kChunk - 1) / kChunk), 0.0);
-  for_each(static_cast<int>(parts.size()), [&](int c) {
+  run_loop(static_cast<int>(parts.size()), loop, [&](int c) {
     const std::int64_t first = c * kChunk;
     RelativeBatch<D> part = batch;
     part.size = static_cast<std::size_t>(std::min(kChunk, size - first));

@@ -130,13 +130,12 @@ double ObservationSystem<D>::subtree_chi2(std::int32_t first, std::int32_t root,
                                           SubtreeScratch& scratch, LoopRunner loop) const {
   places.mark(sub.variables);
   find_slots(first, root, sub, places, scratch);
-  const auto for_each = [&](int count, const auto& body) { run_loop(count, loop, body); };
   double sum = 0.0;
   for (std::size_t r = 0; r < relative_.size(); ++r) {
     const Relative& group = relative_[r];
     RelativeBatch<D> part = batch(group, sub, group.front[at(first)], group.front[at(root) + 1]);
     part.slots = scratch.slots[r].data();
-    sum += chi2_in_chunks<D>(*group.measurements->kind, part, scratch.parts, for_each);
+    sum += chi2_in_chunks<D>(*group.measurements->kind, part, scratch.parts, loop);
   }
   SubmapScratch submap;
   for (std::int64_t s = submap_front_[at(first)]; s < submap_front_[at(root) + 1]; ++s) {

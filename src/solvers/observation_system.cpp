@@ -6,6 +6,7 @@
 
 #include "mapjoin/solvers/gauge_scalars.h"
 #include "mapjoin/solvers/observation_assembly.h"
+#include "mapjoin/solvers/pool_loop.h"
 
 namespace mapjoin {
 
@@ -268,13 +269,9 @@ double ObservationSystem<D>::chi2(const Piece<D>& piece, WorkerPool& pool) {
   double sum = 0.0;
   std::vector<double> parts;
   for (const Relative& group : relative_) {
-    sum += chi2_in_chunks<D>(*group.measurements->kind,
-                             batch(group, piece, 0, static_cast<std::int64_t>(group.id.size())),
-                             parts, [&](int count, const auto& body) {
-                               pool.run([&](int thread) {
-                                 for (int c = thread; c < count; c += pool.threads()) body(c);
-                               });
-                             });
+    const auto size = static_cast<std::int64_t>(group.id.size());
+    sum += chi2_in_chunks<D>(*group.measurements->kind, batch(group, piece, 0, size), parts,
+                             loop_on(pool));
   }
   SubmapScratch scratch;
   for (const std::int64_t k : submap_cliques_) {
