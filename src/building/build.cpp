@@ -8,6 +8,7 @@
 
 #include "mapjoin/building/map_builder.h"
 #include "mapjoin/graph/error.h"
+#include "mapjoin/solvers/pool_loop.h"
 #include "mapjoin/solvers/worker_pool.h"
 
 namespace mapjoin {
@@ -28,9 +29,7 @@ void for_each(WorkerPool& pool, std::size_t n, const Task& task) {
       }
     }
   });
-  for (const std::exception_ptr& error : errors) {
-    if (error) std::rethrow_exception(error);
-  }
+  rethrow_first(errors);
 }
 
 void check(const BuildOptions& options) {

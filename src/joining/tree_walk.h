@@ -8,6 +8,7 @@
 #include "mapjoin/graph/error.h"
 #include "mapjoin/joining/join_tree.h"
 #include "mapjoin/joining/options.h"
+#include "mapjoin/solvers/pool_loop.h"
 #include "mapjoin/solvers/tree_scheduler.h"
 #include "mapjoin/solvers/worker_pool.h"
 
@@ -89,9 +90,7 @@ void walk_forest(std::span<const FrontTask> nodes, std::span<const char> togethe
     }
   }
   if (interruption) std::rethrow_exception(interruption);
-  for (const std::exception_ptr& error : errors) {
-    if (error) std::rethrow_exception(error);
-  }
+  rethrow_first(errors);
 }
 
 template <class DoNode>
@@ -119,9 +118,7 @@ void walk_tree(const JoinTree& tree, WorkerPool& pool, const ProgressCallback& p
         }
       }
     });
-    for (const std::exception_ptr& error : errors) {
-      if (error) std::rethrow_exception(error);
-    }
+    rethrow_first(errors);
   }
 }
 

@@ -9,6 +9,7 @@
 
 #include "mapjoin/solvers/minimum_degree.h"
 #include "mapjoin/solvers/patience.h"
+#include "mapjoin/solvers/pool_loop.h"
 #include "mapjoin/solvers/separator.h"
 
 namespace mapjoin {
@@ -176,9 +177,7 @@ std::vector<Index> nested_dissection(const BlockGraph& graph, int seed, WorkerPo
       queue.abandon();
     }
   });
-  for (const std::exception_ptr& failure : failures) {
-    if (failure) std::rethrow_exception(failure);
-  }
+  rethrow_first(failures);
   return order;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <exception>
+#include <span>
 
 #include "mapjoin/solvers/front_kernels.h"
 #include "mapjoin/solvers/worker_pool.h"
@@ -12,6 +13,13 @@ namespace mapjoin {
 /// there is one thread. The pool must be
 /// idle when a loop starts, and outlive the runner.
 LoopRunner loop_on(WorkerPool& pool);
+
+/// Throws on the first exception there is, of what threads caught and put down; returns if none.
+inline void rethrow_first(std::span<const std::exception_ptr> failures) {
+  for (const std::exception_ptr& failure : failures) {
+    if (failure) std::rethrow_exception(failure);
+  }
+}
 
 /// Runs two steps that have nothing to do with one another, at the same time where there is a pool
 /// of threads. Throws on what they throw, the first one's before the second one's.
@@ -34,9 +42,7 @@ void run_both(WorkerPool* pool, const First& first, const Second& second) {
     if (thread == 0) run(0, first);
     if (thread == 1) run(1, second);
   });
-  for (const std::exception_ptr& failure : failures) {
-    if (failure) std::rethrow_exception(failure);
-  }
+  rethrow_first(failures);
 }
 
 }  // namespace mapjoin
