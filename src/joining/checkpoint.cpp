@@ -150,12 +150,9 @@ std::uint64_t fingerprint(const MeasurementGraph<D>& graph, const JoinOptions& o
   hash.add(maps.block_row);
   hash.add(maps.block_column);
   hash.add(maps.information);
-  for (const std::int64_t option :
-       {static_cast<std::int64_t>(D), static_cast<std::int64_t>(options.mode),
-        static_cast<std::int64_t>(leaf_of(options)),
-        static_cast<std::int64_t>(arity_of(options))}) {
-    hash.add(static_cast<std::uint64_t>(option));
-  }
+  hash.add(static_cast<std::uint64_t>(D));
+  hash.add(static_cast<std::uint64_t>(options.mode));
+  hash.add(submap_sizes(options, graph.variables.size()));
   return hash.value();
 }
 

@@ -28,7 +28,10 @@ constexpr int kMostSolves = 8;
 constexpr int kMostHalvings = 10;
 constexpr double kNothing = 1e-14;  // of chi2: what an exact fit leaves
 
-constexpr std::int64_t kSmallestFile = 256;  // variables of a subtree that a checkpoint keeps
+// Small subtrees are sooner joined again than read: a checkpoint keeps those of so many variables,
+// or of a fraction of all.
+constexpr std::int64_t kSmallestFile = 256;
+constexpr std::int64_t kFiles = 512;
 
 template <int D>
 Piece<D> everything(const MeasurementGraph<D>& graph) {
@@ -50,7 +53,10 @@ class EliminationWalk {
     system_ = std::make_unique<ObservationSystem<D>>(
         graph, everything(graph), std::span<const std::int32_t>(), places, &pool);
     const auto observations = static_cast<std::int64_t>(graph.size());
-    cuts_ = cut_tree(system_->structure(), observations, leaf_of(options), arity_of(options));
+    const std::vector<std::int64_t> sizes = submap_sizes(options, graph.variables.size());
+    worth_a_file_ =
+        std::max(kSmallestFile, std::min(sizes.back(), graph.variables.size() / kFiles));
+    cuts_ = cut_tree(system_->structure(), observations, sizes);
     results_.resize(cuts_.size());
     const FactorResidence residence =
         factor_residence(options, system_->statistics(), pool.threads());
@@ -190,10 +196,8 @@ class EliminationWalk {
     }
   }
 
-  /// Small subtrees are sooner joined again than read: a checkpoint holds what is worth a file.
   bool is_saved(int number) const {
-    return checkpoint_ && cuts_[at(number)].variables >=
-                              std::max<std::int64_t>(kSmallestFile, graph_.variables.size() / 512);
+    return checkpoint_ && cuts_[at(number)].variables >= worth_a_file_;
   }
 
   /// Takes up what a former run has saved: a subtree that is there needs nothing below it.
@@ -222,6 +226,7 @@ class EliminationWalk {
   JoinReport& report_;
   std::unique_ptr<ObservationSystem<D>> system_;
   std::vector<Cut> cuts_;
+  std::int64_t worth_a_file_ = 0;  // variables of a subtree that a checkpoint keeps
   CutPlan plan_;
   std::vector<std::vector<std::vector<Piece<D>>>> leaves_;  // per cut: per leaf task
   std::vector<std::vector<Piece<D>>> results_;

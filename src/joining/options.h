@@ -57,7 +57,7 @@ struct JoinOptions {
   int leaf_variables = 0;  ///< variables a leaf of the graph tree holds, about; 0: the mode's own
                            ///< (summary 32, observe and optimal 64)
   int arity = 0;           ///< maps joined at once in the graph tree; 0: the mode's own (summary
-                           ///< 4, observe and optimal 32)
+                           ///< 4, observe and optimal 32, and above that 1024)
   int root_solves = 0;     ///< linear solves at the root; 0: the mode's own (paper and summary 1,
                            ///< observe and optimal 2)
   int max_refine_solves = 100;

@@ -1,7 +1,10 @@
 #include "mapjoin/joining/place.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstring>
+#include <numeric>
 #include <optional>
 
 #include "mapjoin/frames/align.h"
@@ -9,6 +12,13 @@
 namespace mapjoin {
 
 namespace {
+
+/// Pieces are laid again so often, when they share at most one in so many of their variables.
+constexpr int kTimesLaidAgain = 3;
+constexpr std::size_t kLarge = 4;
+/// Values of a variable that are turned by more against one another (rad) have no mean: half way
+/// between two orientations that contradict one another both are wrong.
+constexpr double kContradiction = 0.5;
 
 /// Which pieces hold each variable that more than one holds.
 struct Sharing {
@@ -19,6 +29,12 @@ struct Sharing {
     int there;  // place in it
   };
   std::vector<Common> common;
+
+  std::span<const Common> of(int piece) const {
+    const auto p = static_cast<std::size_t>(piece);
+    return std::span(common).subspan(static_cast<std::size_t>(start[p]),
+                                     static_cast<std::size_t>(start[p + 1] - start[p]));
+  }
 };
 
 template <int D>
@@ -128,11 +144,50 @@ std::vector<Held> merge_held(const std::vector<Piece<D>>& pieces, const std::vec
   return held;
 }
 
+/// Are two values of a type turned by no more than `kContradiction`? True of what has no heading.
+template <int D>
+bool agree(const VariableKind<D>& kind, const double* x, const double* y) {
+  constexpr int kOne = 0;
+  std::array<double, D * D> a, b;
+  const auto product = [&](int size) {
+    return std::inner_product(&a[0], &a[0] + size, &b[0], 0.0);
+  };
+  if (kind.rotations != nullptr) {
+    kind.rotations(x, &kOne, 1, a.data());
+    kind.rotations(y, &kOne, 1, b.data());
+    if (product(D * D) < D - 2 + 2.0 * std::cos(kContradiction)) return false;  // trace of a^T b
+  }
+  if (kind.directions != nullptr) {
+    kind.directions(x, &kOne, 1, a.data());
+    kind.directions(y, &kOne, 1, b.data());
+    if (product(D) < std::cos(kContradiction)) return false;
+  }
+  return true;
+}
+
+/// Writes the mean of a variable's values over the first of them, where they agree. `scratch` is a
+/// work array.
+template <int D>
+void take_mean(const VariableKind<D>& kind, std::span<const double* const> values, double* first,
+               std::vector<double>& scratch) {
+  const auto dim = static_cast<std::size_t>(kind.dim);
+  scratch.assign(2 * dim, 0.0);
+  double* const sum = scratch.data();
+  double* const difference = sum + dim;
+  for (const double* const value : values.subspan(1)) {
+    if (!agree(kind, first, value)) return;
+    kind.local(first, value, 1, difference);
+    for (std::size_t i = 0; i < dim; ++i) sum[i] += difference[i];
+  }
+  for (std::size_t i = 0; i < dim; ++i) sum[i] /= static_cast<double>(values.size());
+  kind.retract(first, sum, 1);
+}
+
 }  // namespace
 
 template <int D>
 Piece<D> unite(const VariableSet<D>& all, std::vector<Piece<D>>& pieces,
-               const std::vector<int>& members) {
+               const std::vector<int>& members, SharedValue shared) {
   if (members.size() == 1) return std::move(pieces[static_cast<std::size_t>(members[0])]);
   const std::vector<Held> held = merge_held(pieces, members);
   std::vector<int> variables;
@@ -142,18 +197,24 @@ Piece<D> unite(const VariableSet<D>& all, std::vector<Piece<D>>& pieces,
   }
   Piece<D> out = make_piece(all, std::move(variables));
   auto h = held.begin();
+  std::vector<const double*> values;  // of one variable
+  std::vector<double> scratch;
   for (std::size_t c = 0; c < out.data.size(); ++c) {
-    const auto size = static_cast<std::size_t>(all.column(static_cast<int>(c)).kind->value_size);
+    const VariableKind<D>& kind = *all.column(static_cast<int>(c)).kind;
+    const auto size = static_cast<std::size_t>(kind.value_size);
     double* to = out.data[c].data();
     for (int k = out.column_start[c]; k < out.column_start[c + 1]; ++k, to += size) {
       const int v = out.variables[static_cast<std::size_t>(k)];
-      const Piece<D>& from =
-          pieces[static_cast<std::size_t>(members[static_cast<std::size_t>(h->member)])];
-      std::memcpy(
-          to,
-          from.data[c].data() + static_cast<std::size_t>(h->place - from.column_start[c]) * size,
-          size * sizeof(double));
-      while (h != held.end() && h->variable == v) ++h;
+      values.clear();
+      for (; h != held.end() && h->variable == v; ++h) {
+        const Piece<D>& from =
+            pieces[static_cast<std::size_t>(members[static_cast<std::size_t>(h->member)])];
+        values.push_back(from.data[c].data() +
+                         static_cast<std::size_t>(h->place - from.column_start[c]) * size);
+      }
+      std::memcpy(to, values[0], size * sizeof(double));
+      if (shared == SharedValue::kMean && values.size() > 1)
+        take_mean<D>(kind, values, to, scratch);
     }
   }
   std::size_t observations = 0;
@@ -168,15 +229,32 @@ Piece<D> unite(const VariableSet<D>& all, std::vector<Piece<D>>& pieces,
   return out;
 }
 
+namespace {
+
+/// Lays each piece of a group but the first anew, on all the others.
+template <int D>
+void lay_again(const VariableSet<D>& all, std::vector<Piece<D>>& pieces, const Sharing& sharing,
+               const std::vector<int>& members) {
+  if (members.size() < 3) return;  // two already lie as they fit best
+  std::size_t variables = 0, common = 0;
+  for (const int m : members) {
+    variables += pieces[static_cast<std::size_t>(m)].variables.size();
+    common += sharing.of(m).size();
+  }
+  if (common > variables / kLarge) return;
+  std::vector<int> group(pieces.size(), 0);
+  for (const int m : members) group[static_cast<std::size_t>(m)] = 1;
+  for (int time = 0; time < kTimesLaidAgain; ++time) {
+    for (const int m : std::span(members).subspan(1)) {
+      const auto p = static_cast<std::size_t>(m);
+      if (const auto T = fit(all, pieces, p, sharing.of(m), group, 1)) move(all, pieces[p], *T);
+    }
+  }
+}
+
 template <int D>
 std::vector<PlacedGroup<D>> place_groups(const VariableSet<D>& all, std::vector<Piece<D>>& pieces,
-                                         Places& places) {
-  const Sharing sharing = find_sharing(pieces, places);
-  const auto common_of = [&](std::size_t p) {
-    return std::span(sharing.common)
-        .subspan(static_cast<std::size_t>(sharing.start[p]),
-                 static_cast<std::size_t>(sharing.start[p + 1] - sharing.start[p]));
-  };
+                                         const Sharing& sharing) {
   std::vector<PlacedGroup<D>> out;
   std::vector<int> group(pieces.size(), -1);
   for (int g = 0;; ++g) {
@@ -193,8 +271,7 @@ std::vector<PlacedGroup<D>> place_groups(const VariableSet<D>& all, std::vector<
     std::vector<int> shared(pieces.size(), 0);
     std::vector<int> refused(pieces.size(), -1);  // the overlap at which a fit was refused last
     const auto count_from = [&](int p) {
-      for (const auto& s : common_of(static_cast<std::size_t>(p)))
-        ++shared[static_cast<std::size_t>(s.piece)];
+      for (const auto& s : sharing.of(p)) ++shared[static_cast<std::size_t>(s.piece)];
     };
     count_from(seed);
     for (;;) {
@@ -206,7 +283,7 @@ std::vector<PlacedGroup<D>> place_groups(const VariableSet<D>& all, std::vector<
       }
       if (best < 0) break;
       const auto p = static_cast<std::size_t>(best);
-      if (const auto T = fit(all, pieces, p, common_of(p), group, g)) {
+      if (const auto T = fit(all, pieces, p, sharing.of(best), group, g)) {
         move(all, pieces[p], *T);
         group[p] = g;
         placed.members.push_back(best);
@@ -221,15 +298,26 @@ std::vector<PlacedGroup<D>> place_groups(const VariableSet<D>& all, std::vector<
   return out;
 }
 
+}  // namespace
+
+template <int D>
+std::vector<PlacedGroup<D>> place_groups(const VariableSet<D>& all, std::vector<Piece<D>>& pieces,
+                                         Places& places) {
+  return place_groups(all, pieces, find_sharing(pieces, places));
+}
+
 template <int D>
 std::vector<Piece<D>> place(const VariableSet<D>& all, std::vector<Piece<D>> pieces,
                             Places& places) {
   for (;;) {  // grown pieces together may share what none of their parts did
     const std::size_t before = pieces.size();
     if (before <= 1) return pieces;
+    const Sharing sharing = find_sharing(pieces, places);
     std::vector<Piece<D>> united;
-    for (const PlacedGroup<D>& group : place_groups(all, pieces, places))
-      united.push_back(unite(all, pieces, group.members));
+    for (const PlacedGroup<D>& group : place_groups(all, pieces, sharing)) {
+      lay_again(all, pieces, sharing, group.members);
+      united.push_back(unite(all, pieces, group.members, SharedValue::kMean));
+    }
     pieces = std::move(united);
     if (pieces.size() == before) return pieces;
   }
@@ -239,7 +327,7 @@ std::vector<Piece<D>> place(const VariableSet<D>& all, std::vector<Piece<D>> pie
   template std::vector<PlacedGroup<D>> place_groups<D>(const VariableSet<D>&,            \
                                                        std::vector<Piece<D>>&, Places&); \
   template Piece<D> unite<D>(const VariableSet<D>&, std::vector<Piece<D>>&,              \
-                             const std::vector<int>&);                                   \
+                             const std::vector<int>&, SharedValue);                      \
   template std::vector<Piece<D>> place<D>(const VariableSet<D>&, std::vector<Piece<D>>, Places&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

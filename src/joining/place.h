@@ -20,18 +20,27 @@ template <int D>
 std::vector<PlacedGroup<D>> place_groups(const VariableSet<D>& all, std::vector<Piece<D>>& pieces,
                                          Places& places);
 
-/// One piece out of placed ones: of each variable the first value stays.
+/// Which value a variable gets that several of the united pieces hold.
+enum class SharedValue {
+  kFirst,  ///< that of the first member that holds it
+  kMean,  ///< the mean of all: where pieces do not quite meet, no measurement bears all of the gap;
+          ///< the first where headings differ by more than half a radian
+};
+
+/// One piece out of placed ones.
 template <int D>
 Piece<D> unite(const VariableSet<D>& all, std::vector<Piece<D>>& pieces,
-               const std::vector<int>& members);
+               const std::vector<int>& members, SharedValue shared = SharedValue::kFirst);
 
 /// Lays pieces on one another: the first step of a join, before its linear solve.
 ///
 /// Best first: from the largest piece on, always next the one that shares most variables with what
-/// is placed, by the closed-form best rigid fit over all of them (frames/align.h). A variable keeps
-/// its first-placed value. Pieces that share too little with the rest stay pieces of their own,
-/// side by side; nothing is linked that no variable links. Cost: O(sum of the pieces' variables +
-/// pieces^2).
+/// is placed, by the closed-form best rigid fit over all of them (frames/align.h). That leaves all
+/// of a loop's error where it is closed last. So pieces that are large beside what they share, for
+/// which that costs next to nothing, are laid again a few times, each on all of its neighbours. A
+/// variable that several pieces hold gets the mean of their values. Pieces that share too little
+/// with the rest stay pieces of their own, side by side; nothing is linked that no variable links.
+/// Cost: O(sum of the pieces' variables + pieces^2).
 template <int D>
 std::vector<Piece<D>> place(const VariableSet<D>& all, std::vector<Piece<D>> pieces,
                             Places& places);

@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <cstdint>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/change_frame.h"
@@ -31,6 +33,20 @@ inline int arity_of(const JoinOptions& options) {
 inline int leaf_of(const JoinOptions& options) {
   if (options.leaf_variables > 0) return options.leaf_variables;
   return options.mode == Mode::kSummary ? 32 : 64;
+}
+
+/// Variables of the submaps that an elimination tree is cut into, ascending. Where nobody asks for
+/// an arity, two sizes serve up to a million variables: what is joined last is laid out well enough
+/// (place.h) to spare another solve of most of the map.
+inline std::vector<std::int64_t> submap_sizes(const JoinOptions& options, std::int64_t variables) {
+  constexpr std::int64_t kMostAtOnce = 1024;
+  std::int64_t times = arity_of(options);
+  std::vector<std::int64_t> sizes{leaf_of(options)};
+  while (sizes.back() <= variables / times) {
+    sizes.push_back(sizes.back() * times);
+    if (options.arity == 0) times = kMostAtOnce;
+  }
+  return sizes;
 }
 
 /// Fills in what a report says of its input.

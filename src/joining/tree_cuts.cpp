@@ -22,8 +22,9 @@ constexpr double kLargeShare = 0.5;
 
 class TreeCutter {
  public:
-  TreeCutter(const FrontalStructure& structure, std::int64_t observations, int leaf, int arity)
-      : s_(structure), observations_(observations), leaf_(leaf), arity_(arity) {
+  TreeCutter(const FrontalStructure& structure, std::int64_t observations,
+             std::span<const std::int64_t> sizes)
+      : s_(structure), observations_(observations), sizes_(sizes) {
     const std::size_t fronts = s_.fronts.size();
     variables_.resize(fronts);
     fronts_below_.assign(fronts, 1);
@@ -64,10 +65,9 @@ class TreeCutter {
   /// A root of a tree, or the first front of its path whose subtree reaches one of the sizes.
   bool is_cut(std::int32_t f) const {
     if (s_.fronts[at(f)].parent < 0) return true;
-    for (std::int64_t size = leaf_; size <= variables_[at(f)]; size *= arity_) {
-      if (largest_child_[at(f)] < size) return true;
-    }
-    return false;
+    return std::ranges::any_of(sizes_, [&](std::int64_t size) {
+      return largest_child_[at(f)] < size && size <= variables_[at(f)];
+    });
   }
 
   void add_owned(std::int32_t front, std::vector<std::int64_t>& group) const {
@@ -87,7 +87,7 @@ class TreeCutter {
         f = cuts[at(cut.children[--below])].first - 1;
         continue;
       }
-      if (f != cut.root && variables_[at(f)] < leaf_ && !cut.children.empty()) {
+      if (f != cut.root && variables_[at(f)] < sizes_.front() && !cut.children.empty()) {
         std::vector<std::int64_t> group;
         const std::int32_t first = f + 1 - fronts_below_[at(f)];
         for (std::int32_t g = first; g <= f; ++g) add_owned(g, group);
@@ -103,8 +103,7 @@ class TreeCutter {
 
   const FrontalStructure& s_;
   std::int64_t observations_;
-  std::int64_t leaf_;
-  std::int64_t arity_;
+  std::span<const std::int64_t> sizes_;
   std::vector<std::int64_t> variables_, largest_child_;
   std::vector<std::int32_t> fronts_below_;
 };
@@ -146,9 +145,9 @@ int add_tasks(CutPlan& plan, const Cut& cut, std::int32_t number, double cost) {
 
 }  // namespace
 
-std::vector<Cut> cut_tree(const FrontalStructure& structure, std::int64_t observations, int leaf,
-                          int arity) {
-  return TreeCutter(structure, observations, leaf, arity).cuts();
+std::vector<Cut> cut_tree(const FrontalStructure& structure, std::int64_t observations,
+                          std::span<const std::int64_t> sizes) {
+  return TreeCutter(structure, observations, sizes).cuts();
 }
 
 CutPlan plan_cuts(const FrontalStructure& structure, const std::vector<Cut>& cuts, int threads) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "mapjoin/solvers/fronts.h"
@@ -19,11 +20,11 @@ struct Cut {
       groups;  ///< observations of the fronts between, in connected handfuls
 };
 
-/// Cuts a tree where subtrees first exceed leaf, arity * leaf, arity^2 * leaf, ... variables, and
-/// at its roots: children before parents. The first `observations` cliques of the structure are
-/// observations; each is in one group of one cut. O(fronts + cliques).
-std::vector<Cut> cut_tree(const FrontalStructure& structure, std::int64_t observations, int leaf,
-                          int arity);
+/// Cuts a tree where subtrees first reach one of the given sizes (variables, ascending, the first
+/// that of a leaf), and at its roots: children before parents. The first `observations` cliques of
+/// the structure are observations; each is in one group of one cut. O(fronts + cliques).
+std::vector<Cut> cut_tree(const FrontalStructure& structure, std::int64_t observations,
+                          std::span<const std::int64_t> sizes);
 
 /// What one thread does at a time: a cut, after its children; or before it some of its groups.
 struct CutTask {

@@ -29,7 +29,8 @@ struct Sample {
       : observations(problem.cliques().size()),
         structure(analyze(problem.dims(), problem.cliques(),
                           order_blocks(problem.dims(), problem.cliques()))),
-        cuts(cut_tree(structure, observations, leaf, arity)),
+        cuts(cut_tree(structure, observations,
+                      std::vector<std::int64_t>{leaf, leaf * arity, leaf * arity * arity})),
         plan(plan_cuts(structure, cuts, threads)) {}
   std::int64_t observations;
   FrontalStructure structure;
