@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "mapjoin/graph/error.h"
 #include "mapjoin/solvers/pool_loop.h"
@@ -47,6 +48,8 @@ void take_step(const MeasurementGraph<D>& graph, Piece<D>& piece, const Eigen::V
 
 /// Of chi2: a step that promises no more hardly turns anything, and its matrix serves once more.
 constexpr double kSmallStep = 0.01;
+/// Of the tolerance: a chord step that promises more would not be the last.
+constexpr double kChordReach = 30.0;
 
 /// What a whole step leaves above the minimum; see refine.
 double remainder(double decrease, double promised, double promised_before, bool chord) {
@@ -96,8 +99,10 @@ RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, Observati
     if (progress && !progress({"refine", static_cast<double>(result.solves) / most_solves})) {
       throw CancelledError("cancelled while refining");
     }
-    const auto step = chord ? system.solve_again(piece, cholesky, pool, d)
-                            : solve(graph, piece, system, cholesky, pool, d);
+    std::optional<typename ObservationSystem<D>::Step> again;
+    if (chord) again = system.solve_again(piece, cholesky, pool, kChordReach * tolerance, d);
+    chord = again.has_value();
+    const auto step = chord ? *again : solve(graph, piece, system, cholesky, pool, d);
     if (result.solves++ == 0) result.chi2_before = step.chi2;
     const double promised = step.predicted_decrease;
     const double enough = std::max(tolerance * step.chi2, kRounding);

@@ -43,8 +43,9 @@ struct RefineResult {
 /// After a solve that promised no more than a hundredth of chi2 hardly anything turns, and H hardly
 /// changes: its factor serves again, for the gradient of now (a chord step, at a third of the price
 /// or less). M is then about twice what it was for the solve before, whose m^2 the rate shows: four
-/// times the rate counts. A chord step that would increase chi2 is not taken, and after one that
-/// misses its promise by more than a tenth whole solves follow.
+/// times the rate counts. Where elimination with the old factor promises more than thirty times the
+/// tolerance, a whole solve follows at once; a chord step that would increase chi2 is not taken,
+/// and after one that misses its promise by more than a tenth whole solves follow.
 ///
 /// Never increases chi2: a step that would is halved until it does not. Same symbolic plan for
 /// every solve. \throws SingularError; CancelledError.

@@ -251,16 +251,18 @@ auto ObservationSystem<D>::solve(const Piece<D>& piece, FrontalCholesky& cholesk
 
 template <int D>
 auto ObservationSystem<D>::solve_again(const Piece<D>& piece, FrontalCholesky& cholesky,
-                                       WorkerPool& pool, Eigen::VectorXd& increment) -> Step {
+                                       WorkerPool& pool, double most, Eigen::VectorXd& increment)
+    -> std::optional<Step> {
   const auto assembler = [&](std::int32_t front, double* rhs, double* room) {
     assemble_rhs(front, rhs, room, piece);
   };
   cholesky.eliminate(assembler, pool);
   Step step;
   for (const double c : front_chi2_) step.chi2 += c;
+  step.predicted_decrease = cholesky.squared_norm_of_y();
+  if (!(step.predicted_decrease <= most * step.chi2)) return std::nullopt;
   increment.resize(structure_.statistics.scalars);
   cholesky.solve(increment, pool);
-  step.predicted_decrease = cholesky.squared_norm_of_y();
   return step;
 }
 

@@ -56,9 +56,10 @@ class ObservationSystem {
 
   /// The same with the matrix of the last call of solve, whose factor `cholesky` still holds, and
   /// the right-hand side of now: a chord step. Near the minimum it is worth nearly as much as a
-  /// whole one, at a third of the price or less.
-  Step solve_again(const Piece<D>& piece, FrontalCholesky& cholesky, WorkerPool& pool,
-                   Eigen::VectorXd& increment);
+  /// whole one, at a third of the price or less. Elimination alone tells what it promises: where
+  /// that is more than a fraction `most` of chi2, the rest is not done and nothing is returned.
+  std::optional<Step> solve_again(const Piece<D>& piece, FrontalCholesky& cholesky,
+                                  WorkerPool& pool, double most, Eigen::VectorXd& increment);
 
   /// Solves for the part of the system that a subtree of fronts eliminates, first .. root, and for
   /// the variables it shares with the rest, as if those observations were all there is; `sub` holds

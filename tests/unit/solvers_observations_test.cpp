@@ -120,7 +120,10 @@ TYPED_TEST(Observations, AreSolvedAgainWithTheOldMatrixAndTheNewGradient) {
       WorkerPool pool(threads);
       Eigen::VectorXd d;
       ASSERT_TRUE(system.solve(before, cholesky, pool, d).ok());
-      const auto step = system.solve_again(now, cholesky, pool, d);
+      EXPECT_FALSE(system.solve_again(now, cholesky, pool, 1e-9, d));  // promises more than that
+      const auto again = system.solve_again(now, cholesky, pool, 100.0, d);
+      ASSERT_TRUE(again);
+      const auto& step = *again;
       EXPECT_NEAR(step.chi2, normal.chi2, 1e-9 * normal.chi2);
       EXPECT_NEAR(step.predicted_decrease, normal.b.dot(d), 1e-8 * normal.b.dot(d));
       // But for what holds the gauge, the scalars of one pose: the new gradient is not quite blind
