@@ -65,16 +65,18 @@ void solve(const Arguments& given) {
   options.skip_unknown = a.join.skip_unknown;
   options.quaternion_information = a.join.quaternion_information;
   options.indefinite = information_policy(a.join.indefinite);
-  const G2oGraph file = read_g2o(a.graph, options);
-  Job job{a.join, reading.seconds(), 0, file.fixed, false, notes_of(file.counts)};
+  const auto file = std::make_shared<const G2oGraph>(read_g2o(a.graph, options));
+  Job job{a.join, reading.seconds(), 0, file->fixed, false, notes_of(file->counts)};
   std::visit(
       [&]<int D>(const MeasurementGraph<D>& graph) {
         job.measurements = static_cast<std::int64_t>(graph.size());
         run<D>(std::move(job), graph.variables, [&](const JoinOptions& o) {
-          return a.local_maps > 0 ? solve_by_maps(a, graph, o) : join_all(graph, o);
+          if (a.local_maps > 0) return solve_by_maps(a, graph, o);
+          // Shared, so that the result keeps these measurements and no copy of them.
+          return join_all(std::shared_ptr<const MeasurementGraph<D>>(file, &graph), o);
         });
       },
-      file.graph);
+      file->graph);
 }
 
 }  // namespace
