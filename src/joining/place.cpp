@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 #include "mapjoin/frames/align.h"
 
@@ -231,10 +233,11 @@ Piece<D> unite(const VariableSet<D>& all, std::vector<Piece<D>>& pieces,
 
 namespace {
 
-/// Lays each piece of a group but the first anew, on all the others.
+/// Lays each piece of a group but the first anew, on all the others. `group` is a work array, zero
+/// for every piece, before and after.
 template <int D>
 void lay_again(const VariableSet<D>& all, std::vector<Piece<D>>& pieces, const Sharing& sharing,
-               const std::vector<int>& members) {
+               const std::vector<int>& members, std::vector<int>& group) {
   if (members.size() < 3) return;  // two already lie as they fit best
   std::size_t variables = 0, common = 0;
   for (const int m : members) {
@@ -242,7 +245,6 @@ void lay_again(const VariableSet<D>& all, std::vector<Piece<D>>& pieces, const S
     common += sharing.of(m).size();
   }
   if (common > variables / kLarge) return;
-  std::vector<int> group(pieces.size(), 0);
   for (const int m : members) group[static_cast<std::size_t>(m)] = 1;
   for (int time = 0; time < kTimesLaidAgain; ++time) {
     for (const int m : std::span(members).subspan(1)) {
@@ -250,47 +252,82 @@ void lay_again(const VariableSet<D>& all, std::vector<Piece<D>>& pieces, const S
       if (const auto T = fit(all, pieces, p, sharing.of(m), group, 1)) move(all, pieces[p], *T);
     }
   }
+  for (const int m : members) group[static_cast<std::size_t>(m)] = 0;
 }
+
+/// Pieces that share something with those that are placed; most first, then lowest number first.
+class Candidates {
+ public:
+  explicit Candidates(std::size_t pieces) : shared_(pieces, 0), listed_(pieces, -1) {}
+
+  /// Nothing is placed.
+  void clear() {
+    for (const int p : seen_) shared_[static_cast<std::size_t>(p)] = 0;
+    seen_.clear();
+    heap_.clear();
+  }
+  /// Counts what others share with a piece that is placed now.
+  void count_from(std::span<const Sharing::Common> common) {
+    ++round_;
+    for (const Sharing::Common& s : common) {
+      if (shared_[static_cast<std::size_t>(s.piece)]++ == 0) seen_.push_back(s.piece);
+    }
+    for (const Sharing::Common& s : common) {
+      const auto p = static_cast<std::size_t>(s.piece);
+      if (std::exchange(listed_[p], round_) == round_) continue;
+      heap_.push_back(kPieces * shared_[p] + (kPieces - 1 - s.piece));
+      std::push_heap(heap_.begin(), heap_.end());
+    }
+  }
+  /// The next one, or -1. Comes again only after it shares more.
+  int take() {
+    while (!heap_.empty()) {
+      std::pop_heap(heap_.begin(), heap_.end());
+      const std::int64_t top = heap_.back();
+      heap_.pop_back();
+      const auto piece = static_cast<int>(kPieces - 1 - top % kPieces);
+      if (top / kPieces == shared_[static_cast<std::size_t>(piece)]) return piece;
+    }
+    return -1;
+  }
+
+ private:
+  static constexpr std::int64_t kPieces = std::int64_t{1} << 31;
+
+  std::vector<int> shared_;         // with what is placed, per piece
+  std::vector<int> listed_;         // the round in which a piece was put on the heap last
+  std::vector<int> seen_;           // pieces that share something
+  std::vector<std::int64_t> heap_;  // what is shared; then, of as many, the lowest number first
+  int round_ = 0;
+};
 
 template <int D>
 std::vector<PlacedGroup<D>> place_groups(const VariableSet<D>& all, std::vector<Piece<D>>& pieces,
                                          const Sharing& sharing) {
+  std::vector<int> by_size(pieces.size());
+  std::iota(by_size.begin(), by_size.end(), 0);
+  const auto size_of = [&](int p) { return pieces[static_cast<std::size_t>(p)].size(); };
+  std::stable_sort(by_size.begin(), by_size.end(),
+                   [&](int a, int b) { return size_of(a) > size_of(b); });
   std::vector<PlacedGroup<D>> out;
   std::vector<int> group(pieces.size(), -1);
-  for (int g = 0;; ++g) {
-    // The largest piece that is left starts a group.
-    int seed = -1;
-    for (std::size_t p = 0; p < pieces.size(); ++p) {
-      if (group[p] < 0 &&
-          (seed < 0 || pieces[p].size() > pieces[static_cast<std::size_t>(seed)].size()))
-        seed = static_cast<int>(p);
-    }
-    if (seed < 0) break;
+  Candidates candidates(pieces.size());
+  for (const int seed : by_size) {  // the largest piece that is left starts a group
+    if (group[static_cast<std::size_t>(seed)] >= 0) continue;
+    const auto g = static_cast<int>(out.size());
     PlacedGroup<D> placed{{seed}, {Rigid<D>()}};
     group[static_cast<std::size_t>(seed)] = g;
-    std::vector<int> shared(pieces.size(), 0);
-    std::vector<int> refused(pieces.size(), -1);  // the overlap at which a fit was refused last
-    const auto count_from = [&](int p) {
-      for (const auto& s : sharing.of(p)) ++shared[static_cast<std::size_t>(s.piece)];
-    };
-    count_from(seed);
-    for (;;) {
-      int best = -1;
-      for (std::size_t p = 0; p < pieces.size(); ++p) {
-        if (group[p] >= 0 || shared[p] == 0 || refused[p] == shared[p]) continue;
-        if (best < 0 || shared[p] > shared[static_cast<std::size_t>(best)])
-          best = static_cast<int>(p);
-      }
-      if (best < 0) break;
-      const auto p = static_cast<std::size_t>(best);
-      if (const auto T = fit(all, pieces, p, sharing.of(best), group, g)) {
+    candidates.clear();
+    candidates.count_from(sharing.of(seed));
+    for (int next = candidates.take(); next >= 0; next = candidates.take()) {
+      const auto p = static_cast<std::size_t>(next);
+      if (group[p] >= 0) continue;
+      if (const auto T = fit(all, pieces, p, sharing.of(next), group, g)) {
         move(all, pieces[p], *T);
         group[p] = g;
-        placed.members.push_back(best);
+        placed.members.push_back(next);
         placed.motions.push_back(*T);
-        count_from(best);
-      } else {
-        refused[p] = shared[p];
+        candidates.count_from(sharing.of(next));
       }
     }
     out.push_back(std::move(placed));
@@ -314,8 +351,9 @@ std::vector<Piece<D>> place(const VariableSet<D>& all, std::vector<Piece<D>> pie
     if (before <= 1) return pieces;
     const Sharing sharing = find_sharing(pieces, places);
     std::vector<Piece<D>> united;
+    std::vector<int> laid_now(before, 0);
     for (const PlacedGroup<D>& group : place_groups(all, pieces, sharing)) {
-      lay_again(all, pieces, sharing, group.members);
+      lay_again(all, pieces, sharing, group.members, laid_now);
       united.push_back(unite(all, pieces, group.members, SharedValue::kMean));
     }
     pieces = std::move(united);

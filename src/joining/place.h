@@ -40,7 +40,7 @@ Piece<D> unite(const VariableSet<D>& all, std::vector<Piece<D>>& pieces,
 /// which that costs next to nothing, are laid again a few times, each on all of its neighbours. A
 /// variable that several pieces hold gets the mean of their values. Pieces that share too little
 /// with the rest stay pieces of their own, side by side; nothing is linked that no variable links.
-/// Cost: O(sum of the pieces' variables + pieces^2).
+/// Cost: O(n log n) for n variables that all the pieces have together.
 template <int D>
 std::vector<Piece<D>> place(const VariableSet<D>& all, std::vector<Piece<D>> pieces,
                             Places& places);
