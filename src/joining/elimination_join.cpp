@@ -29,7 +29,7 @@ constexpr int kMostHalvings = 10;
 constexpr double kNothing = 1e-14;  // of chi2: what an exact fit leaves
 
 // Small subtrees are sooner joined again than read: a checkpoint keeps those of so many variables,
-// or of a fraction of all.
+// or of a fraction of all; but what was joined from leaves (the second size) in any case.
 constexpr std::int64_t kSmallestFile = 256;
 constexpr std::int64_t kFiles = 512;
 
@@ -54,8 +54,8 @@ class EliminationWalk {
         graph, everything(graph), std::span<const std::int32_t>(), places, &pool);
     const auto observations = static_cast<std::int64_t>(graph.size());
     const std::vector<std::int64_t> sizes = submap_sizes(options, graph.variables.size());
-    worth_a_file_ =
-        std::max(kSmallestFile, std::min(sizes.back(), graph.variables.size() / kFiles));
+    worth_a_file_ = std::max(
+        kSmallestFile, std::min(sizes[sizes.size() > 1 ? 1 : 0], graph.variables.size() / kFiles));
     cuts_ = cut_tree(system_->structure(), observations, sizes);
     results_.resize(cuts_.size());
     const FactorResidence residence =
