@@ -24,7 +24,7 @@ constexpr double kContradiction = 0.5;
 
 /// Which pieces hold each variable that more than one holds.
 struct Sharing {
-  std::vector<std::int64_t> start{0};  // per piece, into `others`
+  std::vector<std::int64_t> start{0};  // per piece, into `common`
   struct Common {
     int here;   // place in this piece
     int piece;  // another piece that holds the variable
@@ -70,8 +70,8 @@ Sharing find_sharing(const std::vector<Piece<D>>& pieces, Places& places) {
   return out;
 }
 
-/// The best fit of piece p onto what is placed: `holder[k]` says which placed piece to compare
-/// variable k with.
+/// The best fit of piece p onto the pieces whose entry in `group` is `target`; `common` is what it
+/// shares with any.
 template <int D>
 std::optional<Rigid<D>> fit(const VariableSet<D>& all, const std::vector<Piece<D>>& pieces,
                             std::size_t p, std::span<const Sharing::Common> common,

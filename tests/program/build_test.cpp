@@ -70,7 +70,7 @@ TEST_F(Build, TheOptimumIsTheSameForAnyNumberOfLocalMaps) {
     EXPECT_THAT(out, HasSubstr(n + " local maps, built in"));
     const std::string figures =
         run({"evaluate", file("by_maps.g2o"), "--reference", file("optimum.g2o")});
-    EXPECT_LT(figure(figures, "pose_rmse"), 1e-4) << n;
+    EXPECT_LT(figure(figures, "pose_rmse"), 5e-5) << n;
   }
 }
 

@@ -7,6 +7,7 @@
 #include <numeric>
 #include <vector>
 
+#include "mapjoin/joining/report.h"
 #include "mapjoin/joining/tree_walk.h"
 #include "mapjoin/solvers/block_ordering.h"
 #include "tests/support/clique_problem.h"
@@ -24,13 +25,19 @@ CliqueProblem line(int poses) {
   return out;
 }
 
+std::vector<std::int64_t> sizes(int leaf, int arity, const CliqueProblem& problem) {
+  JoinOptions options;
+  options.leaf_variables = leaf;
+  options.arity = arity;
+  return submap_sizes(options, static_cast<std::int64_t>(problem.dims().size()));
+}
+
 struct Sample {
   explicit Sample(const CliqueProblem& problem, int leaf, int arity, int threads = 1)
       : observations(problem.cliques().size()),
         structure(analyze(problem.dims(), problem.cliques(),
                           order_blocks(problem.dims(), problem.cliques()))),
-        cuts(cut_tree(structure, observations,
-                      std::vector<std::int64_t>{leaf, leaf * arity, leaf * arity * arity})),
+        cuts(cut_tree(structure, observations, sizes(leaf, arity, problem))),
         plan(plan_cuts(structure, cuts, threads)) {}
   std::int64_t observations;
   FrontalStructure structure;
