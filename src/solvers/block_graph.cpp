@@ -142,6 +142,29 @@ BlockGraph block_graph(std::int32_t variables, Cliques cliques) {
   return graph;
 }
 
+BlockGraph part_of_graph(const BlockGraph& graph, std::span<const std::int32_t> number) {
+  std::size_t rows = 0, entries = 0;
+  for (Index v = 0; v < graph.size(); ++v) {
+    if (number[v] < 0) continue;
+    ++rows;
+    entries += graph[v].size();
+  }
+  BlockGraph out;
+  out.start.reserve(rows + 1);
+  out.neighbours.resize(entries);
+  Index* end = out.neighbours.data();
+  for (Index v = 0; v < graph.size(); ++v) {
+    if (number[v] < 0) continue;
+    for (const Index u : graph[v]) {
+      *end = number[u];
+      end += number[u] >= 0 ? 1 : 0;
+    }
+    out.start.push_back(static_cast<Index>(end - out.neighbours.data()));
+  }
+  out.neighbours.resize(static_cast<std::size_t>(out.start.back()));
+  return out;
+}
+
 ReducedGraph eliminate_chains(BlockGraph graph) { return ChainElimination(std::move(graph)).run(); }
 
 }  // namespace mapjoin

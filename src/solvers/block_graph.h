@@ -42,6 +42,10 @@ struct BlockGraph {
 /// and for a variable that does not exist.
 BlockGraph block_graph(std::int32_t variables, Cliques cliques);
 
+/// The part of a graph that some variables make. number[v]: of variable v in the part, ascending in
+/// v; negative where it is not in it. Cost: O(their neighbours).
+BlockGraph part_of_graph(const BlockGraph& graph, std::span<const std::int32_t> number);
+
 /// Takes out variables that have at most two neighbours, one after the other: eliminating one makes
 /// no neighbour more than there was, only links its two. Chains of poses go, loops stay.
 struct ReducedGraph {

@@ -4,7 +4,7 @@
 #include <camd.h>
 
 #include <limits>
-#include <string>
+#include <utility>
 
 #include "mapjoin/graph/error.h"
 
@@ -17,39 +17,61 @@ using Index = std::int32_t;
 /// 58, and gains 25% of operations that take as many.
 constexpr double kLateAbove = 5.0;
 
-// amd_2 is AMD without the checks and copies of amd_order; it destroys the graph it is given.
-MinimumDegreeOrder minimum_degree(BlockGraph graph) {
-  const Index n = graph.size();
-  const Index entries = graph.start[n];
-  const std::int64_t space = std::int64_t{entries} + entries / 5 + n + 1;
-  if (space > std::numeric_limits<Index>::max())
-    throw InputError("order_blocks: the block graph is too large");
-  graph.neighbours.resize(static_cast<std::size_t>(space));
+namespace {
 
-  std::vector<Index> work(static_cast<std::size_t>(n) * 8);
-  const auto row = [&](int k) {
-    return work.data() + static_cast<std::size_t>(k) * static_cast<std::size_t>(n);
-  };
-  Index* const length = row(0);
-  for (Index v = 0; v < n; ++v) length[v] = graph.start[v + 1] - graph.start[v];
-  std::vector<Index> order(static_cast<std::size_t>(n));
+/// amd_2 and camd_2 are AMD and CAMD without the checks and copies of amd_order and camd_order;
+/// they destroy the graph they are given, which must have room to grow. Both want arrays of n + 1.
+class Workspace {
+ public:
+  explicit Workspace(BlockGraph graph)
+      : graph_(std::move(graph)), entries_(graph_.start.back()), rows_(at(kRows) * at(n() + 1)) {
+    const std::int64_t space = std::int64_t{entries_} + entries_ / 5 + n() + 1;
+    if (space > std::numeric_limits<Index>::max())
+      throw InputError("order_blocks: the block graph is too large");
+    graph_.neighbours.resize(at(space));
+    for (Index v = 0; v < n(); ++v) row(0)[v] = graph_.start[v + 1] - graph_.start[v];
+  }
+  Index n() const { return graph_.size(); }
+  Index entries() const { return entries_; }
+  Index space() const { return static_cast<Index>(graph_.neighbours.size()); }
+  Index* start() { return graph_.start.data(); }
+  Index* neighbours() { return graph_.neighbours.data(); }
+  Index* lengths() { return row(0); }
+  Index* row(int k) { return rows_.data() + at(k) * at(n() + 1); }
+
+ private:
+  static constexpr int kRows = 8;
+  static std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
+
+  BlockGraph graph_;
+  Index entries_;
+  std::vector<Index> rows_;
+};
+
+}  // namespace
+
+MinimumDegreeOrder minimum_degree(BlockGraph graph) {
+  Workspace w(std::move(graph));
+  std::vector<Index> order(static_cast<std::size_t>(w.n()));
   double control[AMD_CONTROL];
   double info[AMD_INFO];
   amd_defaults(control);
   control[AMD_DENSE] = kLateAbove;
-  amd_2(n, graph.start.data(), graph.neighbours.data(), length, static_cast<Index>(space), entries,
-        row(1), row(2), order.data(), row(3), row(4), row(5), row(6), control, info);
+  amd_2(w.n(), w.start(), w.neighbours(), w.lengths(), w.space(), w.entries(), w.row(1), w.row(2),
+        order.data(), w.row(3), w.row(4), w.row(5), w.row(6), control, info);
   return {std::move(order), info[AMD_NMULTSUBS_LDL]};
 }
 
-std::vector<Index> minimum_degree_in_two(std::span<const char> late, const BlockGraph& graph) {
-  // CAMD takes sorted or unsorted columns, each pair in both.
-  std::vector<Index> group(late.begin(), late.end());
-  std::vector<Index> order(late.size());
-  const int status = camd_order(graph.size(), graph.start.data(), graph.neighbours.data(),
-                                order.data(), nullptr, nullptr, group.data());
-  if (status != CAMD_OK && status != CAMD_OK_BUT_JUMBLED)
-    throw Error("order_blocks_in_two: CAMD failed, code " + std::to_string(status));
+std::vector<Index> minimum_degree_in_two(std::span<const char> late, BlockGraph graph) {
+  const std::vector<Index> group(late.begin(), late.end());
+  Workspace w(std::move(graph));
+  std::vector<Index> order(static_cast<std::size_t>(w.n()));
+  double control[CAMD_CONTROL];
+  double info[CAMD_INFO];
+  camd_defaults(control);
+  camd_2(w.n(), w.start(), w.neighbours(), w.lengths(), w.space(), w.entries(), w.row(1), w.row(2),
+         order.data(), w.row(3), w.row(4), w.row(5), w.row(6), control, info, group.data(),
+         w.row(7));
   return order;
 }
 

@@ -17,8 +17,7 @@ struct MinimumDegreeOrder {
 /// Deterministic. Takes the graph to pieces. Throws InputError beyond about 2^31 pairs.
 MinimumDegreeOrder minimum_degree(BlockGraph graph);
 
-/// The same with all variables with late[v] == 0 before those with 1. Throws Error when CAMD fails.
-std::vector<std::int32_t> minimum_degree_in_two(std::span<const char> late,
-                                                const BlockGraph& graph);
+/// The same with all variables with late[v] == 0 before those with 1.
+std::vector<std::int32_t> minimum_degree_in_two(std::span<const char> late, BlockGraph graph);
 
 }  // namespace mapjoin

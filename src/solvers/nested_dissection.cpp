@@ -25,6 +25,7 @@ struct Part {
   BlockGraph graph;
   std::vector<Index> variable;  // of the whole graph, per variable of the part
   Index begin = 0;
+  Clusters clusters;  // or none yet
 };
 
 /// The variables of a part that lie on one side. `number` is a work array.
@@ -36,14 +37,9 @@ Part half(const Part& part, std::span<const Side> side, Side which, std::vector<
     number[v] = static_cast<Index>(out.variable.size());
     out.variable.push_back(part.variable[v]);
   }
-  out.graph.start.reserve(out.variable.size() + 1);
-  for (Index v = 0; v < part.graph.size(); ++v) {
-    if (side[v] != which) continue;
-    for (const Index u : part.graph[v]) {
-      if (number[u] >= 0) out.graph.neighbours.push_back(number[u]);
-    }
-    out.graph.end_row();
-  }
+  out.graph = part_of_graph(part.graph, number);
+  if (large_enough_for_clusters(out.graph.size()))
+    out.clusters = clusters_of_part(part.clusters, number);
   return out;
 }
 
@@ -99,7 +95,7 @@ class Dissector {
     for (Part part; queue.take(part); queue.finished()) {
       const std::span<const Side> side = part.graph.size() <= kSmallPart
                                              ? std::span<const Side>()
-                                             : finder_.find(part.graph, seed_);
+                                             : finder_.find(part.graph, part.clusters, seed_);
       if (side.empty()) {
         order_by_degree(part);
       } else {
@@ -145,7 +141,7 @@ class Dissector {
     }
     std::vector<char> late(variables.size(), 0);
     std::fill(late.begin() + static_cast<std::ptrdiff_t>(own), late.end(), 1);
-    const std::vector<Index> order = minimum_degree_in_two(late, graph);
+    const std::vector<Index> order = minimum_degree_in_two(late, std::move(graph));
     for (std::size_t k = 0; k < own; ++k)
       order_[static_cast<std::size_t>(part.begin) + k] = variables[order[k]];
     for (const Index v : variables) place_[v] = -1;

@@ -1,11 +1,11 @@
 // Parting a graph in two about equal halves by few vertices.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "mapjoin/solvers/clusters.h"
 #include "mapjoin/solvers/vertex_cut.h"
 
 namespace mapjoin {
@@ -20,21 +20,21 @@ class SeparatorFinder {
  public:
   /// Returns the side of each variable: no edge joins left and right. Empty where one half would
   /// be: a clique cannot be parted. Deterministic (but see metis_turn.h). Cost: about
-  /// O(neighbours).
-  std::span<const Side> find(const BlockGraph& graph, int seed);
+  /// O(neighbours). `clusters` are those of this graph, or empty: then they are made, and left
+  /// there for parts of the graph (clusters_of_part) that are large_enough_for_clusters.
+  std::span<const Side> find(const BlockGraph& graph, Clusters& clusters, int seed);
 
  private:
-  BlockGraph gather(const BlockGraph& graph, std::size_t size);
-  void grow_clusters(const BlockGraph& graph, std::size_t size);
-  bool part(BlockGraph& clusters, int seed);
+  bool part(Clusters& clusters, int seed);
   void widen(const BlockGraph& graph);
 
-  std::vector<std::int32_t> cluster_;       ///< of each variable
-  std::vector<std::int32_t> cluster_size_;  ///< variables of each cluster
-  std::vector<std::int32_t> members_;       ///< of the cluster that grows, and of the band
-  std::vector<std::int32_t> part_;          ///< of each cluster: METIS's 0, 1, 2
+  std::vector<std::int32_t> part_;  ///< of each cluster: METIS's 0, 1, 2
+  std::vector<std::int32_t> band_;  ///< variables at the cut
   std::vector<Side> side_;
   VertexCut cut_;
 };
+
+/// Would a graph of so many variables have as large clusters as any? If not, new ones serve better.
+bool large_enough_for_clusters(std::int32_t variables);
 
 }  // namespace mapjoin

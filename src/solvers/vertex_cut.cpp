@@ -36,13 +36,47 @@ void VertexCut::begin(const BlockGraph& graph, std::span<const Side> side) {
       if (side[u] == Side::kRight) touches_right_[i] = 1;
     }
   }
+  find_neighbours(graph);
   from_.assign(band_.size(), kNowhere);
   to_.assign(band_.size(), kNowhere);
   tried_.resize(2 * band_.size());
 }
 
+/// Breadth first from the right, then whatever is left: whoever comes is entered in the lists of
+/// its neighbours, so that each list has those nearer to the right first.
+void VertexCut::find_neighbours(const BlockGraph& graph) {
+  start_.assign(1, 0);
+  for (const Index v : band_) {
+    const auto inside = std::ranges::count_if(graph[v], [&](Index u) { return place_[u] >= 0; });
+    start_.push_back(start_.back() + static_cast<Index>(inside));
+  }
+  neighbours_.resize(static_cast<std::size_t>(start_.back()));
+  to_.assign(start_.begin(), start_.end() - 1);  // where each list goes on
+  visited_.assign(band_.size(), 0);
+  path_.clear();
+  const auto visit = [&](Index i) {
+    if (visited_[i] != 0) return;
+    visited_[i] = 1;
+    path_.push_back(i);
+  };
+  std::size_t k = 0;
+  for (const bool from_right : {true, false}) {
+    for (Index i = 0; i < static_cast<Index>(band_.size()); ++i) {
+      if (!from_right || touches_right_[i] != 0) visit(i);
+    }
+    for (; k < path_.size(); ++k) {
+      for (const Index u : graph[band_[path_[k]]]) {
+        const Index j = place_[u];
+        if (j < 0) continue;
+        neighbours_[to_[j]++] = path_[k];
+        visit(j);
+      }
+    }
+  }
+}
+
 /// Where a search goes next from a state; -1 when everything was tried. It may have been there.
-Index VertexCut::next_state(const BlockGraph& graph, Index state) {
+Index VertexCut::next_state(Index state) {
   const Index i = state / 2;
   const bool taken = from_[i] != kNowhere;
   if (state % 2 == 0) {
@@ -50,23 +84,18 @@ Index VertexCut::next_state(const BlockGraph& graph, Index state) {
     if (!taken) return state + 1;
     return from_[i] >= 0 ? 2 * from_[i] + 1 : -1;  // back along the path that is here
   }
-  const auto neighbours = graph[band_[i]];
-  while (tried_[state] <= static_cast<Index>(neighbours.size())) {
-    const Index k = tried_[state]++;
-    Index next = -1;
-    if (k == 0) {
-      if (taken) next = state - 1;  // the path here is given up
-    } else {
-      const Index j = place_[neighbours[k - 1]];
-      if (j >= 0 && to_[i] != j) next = 2 * j;
-    }
-    if (next >= 0 && visited_[next] == 0) return next;
+  const std::span<const Index> around = neighbours(i);
+  const auto count = static_cast<Index>(around.size());
+  while (tried_[state] < count) {
+    const Index j = around[tried_[state]++];
+    if (to_[i] != j && visited_[2 * j] == 0) return 2 * j;
   }
-  return -1;
+  if (!taken || tried_[state]++ > count) return -1;
+  return state - 1;  // the path here is given up
 }
 
 /// Depth first, without recursion.
-bool VertexCut::find_path(const BlockGraph& graph, Index source) {
+bool VertexCut::find_path(Index source) {
   const auto visit = [&](Index state) {
     visited_[state] = 1;
     tried_[state] = 0;
@@ -77,7 +106,7 @@ bool VertexCut::find_path(const BlockGraph& graph, Index source) {
   while (!path_.empty()) {
     const Index state = path_.back();
     if (state % 2 == 1 && touches_right_[state / 2] != 0) return true;
-    const Index next = next_state(graph, state);
+    const Index next = next_state(state);
     if (next < 0) {
       path_.pop_back();
     } else if (visited_[next] == 0) {
@@ -112,14 +141,14 @@ void VertexCut::shrink(const BlockGraph& graph, std::span<Side> side) {
     visited_.assign(2 * band_.size(), 0);
     for (Index i = 0; i < static_cast<Index>(band_.size()); ++i) {
       if (touches_left_[i] == 0 || from_[i] == kLeftSide || visited_[2 * i] != 0) continue;
-      if (!find_path(graph, i)) continue;
+      if (!find_path(i)) continue;
       reroute();
       found = true;
     }
   }
   cut_near_left(side);
   right_.assign(side.begin(), side.end());
-  cut_near_right(graph, right_);
+  cut_near_right(right_);
   if (unevenness(right_) < unevenness(side)) std::ranges::copy(right_, side.begin());
 }
 
@@ -133,7 +162,7 @@ void VertexCut::cut_near_left(std::span<Side> side) const {
 }
 
 /// Everything that could still reach the right is right: the same search backward.
-void VertexCut::cut_near_right(const BlockGraph& graph, std::span<Side> side) {
+void VertexCut::cut_near_right(std::span<Side> side) {
   visited_.assign(2 * band_.size(), 0);
   path_.clear();
   const auto visit = [&](Index state) {
@@ -155,9 +184,8 @@ void VertexCut::cut_near_right(const BlockGraph& graph, std::span<Side> side) {
       continue;
     }
     if (taken) visit(2 * i + 1);
-    for (const Index u : graph[band_[i]]) {
-      const Index j = place_[u];
-      if (j >= 0 && to_[j] != i) visit(2 * j + 1);
+    for (const Index j : neighbours(i)) {
+      if (to_[j] != i) visit(2 * j + 1);
     }
   }
   for (std::size_t i = 0; i < band_.size(); ++i) {

@@ -44,23 +44,31 @@ TEST_P(LargeWorld, SolvesToTheOptimumNextToTheTruth) {
               result.report.chi2, from_truth);
 }
 
-// Long drives between few, short sights of features: somewhere two parts meet turned by more than
-// half a turn, and the chain between them winds up (joining/uncoil.h).
+// Long drives between few, short sights of features: in some worlds two parts meet turned by more
+// than half a turn, and the chain between them winds up (joining/uncoil.h). In which, depends on
+// the order of elimination.
 TEST(LargeLandmarkWorld, EndsAtTheOptimumWhereChainsWindUp) {
   SimulationOptions options = simulation_defaults(World::kLandmarks2d);
   options.poses = 30000;
-  options.seed = 3;
   options.sensor_range = 1.5;
-  options.visible_features = 10;
   options.max_observations = 88;
-  const Simulation<2> world = simulate<2>(options);
-  const double from_truth = refined_from_truth(world);
-  const JoinResult<2> result = join_all(world.graph);
-  ASSERT_EQ(result.maps.size(), 1U);
-  EXPECT_TRUE(result.report.minimum);
-  EXPECT_NEAR(result.report.chi2, from_truth, 1e-6 * from_truth);
-  ASSERT_FALSE(result.report.notes.empty());  // or this world no longer shows it: take another
-  EXPECT_NE(result.report.notes[0].find("wound up"), std::string::npos);
+  int wound_up = 0;
+  for (const int visible_features : {10, 30}) {
+    options.visible_features = visible_features;
+    for (const std::uint64_t seed : {1U, 2U, 3U}) {
+      SCOPED_TRACE(seed);
+      options.seed = seed;
+      const Simulation<2> world = simulate<2>(options);
+      const double from_truth = refined_from_truth(world);
+      const JoinResult<2> result = join_all(world.graph);
+      ASSERT_EQ(result.maps.size(), 1U);
+      EXPECT_TRUE(result.report.minimum);
+      EXPECT_NEAR(result.report.chi2, from_truth, 1e-6 * from_truth);
+      for (const std::string& note : result.report.notes)
+        wound_up += note.find("wound up") != std::string::npos ? 1 : 0;
+    }
+  }
+  EXPECT_GE(wound_up, 1);  // or these worlds no longer show it: take others
 }
 
 INSTANTIATE_TEST_SUITE_P(, LargeWorld, testing::Values(20000, 63000, 200000),

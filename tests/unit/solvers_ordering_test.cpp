@@ -176,11 +176,67 @@ TEST(VertexCut, IsOfTheSmallestSizeThereIs) {
   }
 }
 
+/// Are clusters of connected variables, none empty, neighbours where their variables are?
+void expect_clusters_of(const BlockGraph& graph, const Clusters& clusters) {
+  ASSERT_EQ(clusters.of.size(), static_cast<std::size_t>(graph.size()));
+  ASSERT_EQ(clusters.graph.size(), static_cast<Index>(clusters.size.size()));
+  std::vector<Index> members(clusters.size.size(), 0);
+  for (const Index c : clusters.of) ++members.at(static_cast<std::size_t>(c));
+  EXPECT_EQ(members, clusters.size);
+  EXPECT_EQ(std::ranges::count(members, 0), 0);
+  for (Index v = 0; v < graph.size(); ++v) {
+    for (const Index u : graph[v]) {
+      const Index c = clusters.of[v], d = clusters.of[u];
+      if (c != d) {
+        EXPECT_EQ(std::ranges::count(clusters.graph[c], d), 1);
+      }
+    }
+  }
+}
+
+TEST(Clusters, HoldAllVariablesAndMeetWhereTheseMeet) {
+  const BlockGraph graph = graph_of(grid_problem(40, 30, 5));
+  const Clusters clusters = grow_clusters(graph, 16);
+  expect_clusters_of(graph, clusters);
+  EXPECT_LE(std::ranges::max(clusters.size), 2 * 16);
+  EXPECT_GE(clusters.size.size(), 1200u / 32);
+}
+
+TEST(Clusters, OfAPartAreThoseOfAllWithoutTheRest) {
+  const BlockGraph graph = graph_of(grid_problem(40, 30, 6));
+  const Clusters clusters = grow_clusters(graph, 16);
+  std::vector<Index> number(1200, -1);
+  Index next = 0;
+  for (Index v = 0; v < 1200; ++v) {
+    if (v % 40 < 17 && v % 7 != 0) number[v] = next++;
+  }
+  const BlockGraph part = part_of_graph(graph, number);
+  ASSERT_EQ(part.size(), next);
+  std::vector<Index> variable;
+  for (Index v = 0; v < 1200; ++v) {
+    if (number[v] >= 0) variable.push_back(v);
+  }
+  const Clusters of_part = clusters_of_part(clusters, number);
+  expect_clusters_of(part, of_part);
+  for (Index a = 0; a < next; ++a) {
+    std::vector<Index> expected;
+    for (const Index u : graph[variable[a]]) {
+      if (number[u] >= 0) expected.push_back(number[u]);
+    }
+    EXPECT_TRUE(std::ranges::equal(part[a], expected));
+    for (Index b = 0; b < next; ++b) {
+      EXPECT_EQ(of_part.of[a] == of_part.of[b],
+                clusters.of[variable[a]] == clusters.of[variable[b]]);
+    }
+  }
+}
+
 TEST(Separator, OfAGridIsAboutItsSide) {
   const Problem problem = grid_problem(60, 40, 1);
   const BlockGraph graph = graph_of(problem);
   SeparatorFinder finder;
-  const auto side = finder.find(graph, 0);
+  Clusters clusters;
+  const auto side = finder.find(graph, clusters, 0);
   ASSERT_EQ(side.size(), 2400u);
   expect_parted(graph, side);
   EXPECT_LE(std::ranges::count(side, Side::kCut), 45);
@@ -195,7 +251,8 @@ TEST(Separator, OfUnconnectedPiecesIsEmpty) {
   }
   const BlockGraph graph = block_graph(1000, links.cliques());
   SeparatorFinder finder;
-  const auto side = finder.find(graph, 0);
+  Clusters clusters;
+  const auto side = finder.find(graph, clusters, 0);
   ASSERT_EQ(side.size(), 1000u);
   expect_parted(graph, side);
   EXPECT_LE(std::ranges::count(side, Side::kCut), 1);
@@ -206,7 +263,8 @@ TEST(Separator, OfACliqueDoesNotExist) {
   std::iota(vars.begin(), vars.end(), 0);
   const std::vector<std::int64_t> start = {0, 40};
   SeparatorFinder finder;
-  EXPECT_TRUE(finder.find(block_graph(40, {start, vars}), 0).empty());
+  Clusters clusters;
+  EXPECT_TRUE(finder.find(block_graph(40, {start, vars}), clusters, 0).empty());
 }
 
 /// Streets: a grid of crossings whose links are chains of poses.
