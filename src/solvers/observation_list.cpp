@@ -19,7 +19,8 @@ ObservationList<D>::ObservationList(const MeasurementGraph<D>& graph, const Piec
                  graph_.variables.column(static_cast<int>(c)).kind->dim);
   }
   observations_ = piece.observations;
-  std::sort(observations_.begin(), observations_.end());
+  if (!std::is_sorted(observations_.begin(), observations_.end()))
+    std::sort(observations_.begin(), observations_.end());
   places.mark(piece.variables);
   const auto add = [&](std::int32_t variable) { cliques_.variables.push_back(places[variable]); };
   std::int64_t first = 0;

@@ -23,7 +23,7 @@ ObservationSystem<D>::ObservationSystem(const MeasurementGraph<D>& graph, const 
     : graph_(graph), list_(graph, piece, places), cliques_(list_.cliques()) {
   hold_gauge(piece);
   plan(piece, rank, pool);
-  sort_by_front(piece);
+  sort_by_front(piece, pool != nullptr ? loop_on(*pool) : LoopRunner());
 }
 
 template <int D>
@@ -111,47 +111,69 @@ void ObservationSystem<D>::weigh_held(const Piece<D>& piece) {
 }
 
 template <int D>
-void ObservationSystem<D>::sort_by_front(const Piece<D>& piece) {
-  std::vector<std::int64_t> first;  // observation number of each column's first measurement
-  std::int64_t next = 0;
-  int c = 0;
+void ObservationSystem<D>::sort_by_front(const Piece<D>& piece, LoopRunner loop) {
+  constexpr int kChunk = 512;          // fronts
+  std::vector<std::int64_t> first{0};  // observation number of each column's first measurement
   for (const auto& column : graph_.relative) {
     Relative group;
     group.measurements = &column;
     group.column = graph_.variables.find_column(column.kind->tag);
     relative_.push_back(std::move(group));
-    first.push_back(next);
-    next += static_cast<std::int64_t>(column.size());
+    first.push_back(first.back() + static_cast<std::int64_t>(column.size()));
   }
-  const int poses = graph_.variables.find_column(Tag("pose"));
   const auto regular = static_cast<std::int64_t>(list_.size());
-  const std::size_t fronts = structure_.fronts.size();
-  for (std::size_t f = 0; f < fronts; ++f) {
-    for (Relative& group : relative_)
-      group.front.push_back(static_cast<std::int64_t>(group.id.size()));
-    submap_front_.push_back(static_cast<std::int64_t>(submap_cliques_.size()));
-    c = 0;
-    for (const std::int64_t k : structure_.owned_by(static_cast<std::int32_t>(f))) {
-      if (k >= regular || list_.observation(k) >= next) {
-        submap_cliques_.push_back(k);
+  const auto group_of = [&](std::int64_t k) -> Relative* {  // null: a submap, or what is held
+    if (k >= regular || list_.observation(k) >= first.back()) return nullptr;
+    std::size_t c = 0;
+    while (list_.observation(k) >= first[c + 1]) ++c;
+    return &relative_[c];
+  };
+  const auto fronts = static_cast<int>(structure_.fronts.size());
+  const auto for_fronts = [&](auto&& body) {  // body(f), f ascending within a chunk
+    run_loop((fronts + kChunk - 1) / kChunk, loop, [&](int chunk) {
+      for (int f = chunk * kChunk; f < std::min((chunk + 1) * kChunk, fronts); ++f) body(f);
+    });
+  };
+  for (Relative& group : relative_) group.front.assign(at(fronts + 1), 0);
+  submap_front_.assign(at(fronts + 1), 0);
+  for_fronts([&](int f) {
+    for (const std::int64_t k : structure_.owned_by(f)) {
+      Relative* const group = group_of(k);
+      ++(group != nullptr ? group->front : submap_front_)[at(f + 1)];
+    }
+  });
+  for (Relative& group : relative_) {
+    std::inclusive_scan(group.front.begin(), group.front.end(), group.front.begin());
+    group.id.resize(at(group.front.back()));
+    group.slots.resize(2 * group.id.size());
+    group.offsets.resize(2 * group.id.size());
+  }
+  std::inclusive_scan(submap_front_.begin(), submap_front_.end(), submap_front_.begin());
+  submap_cliques_.resize(at(submap_front_.back()));
+  const int poses = graph_.variables.find_column(Tag("pose"));
+  for_fronts([&](int f) {
+    std::size_t c = 0;  // the observations of a front are ascending, so groups come in order
+    std::size_t next = relative_.empty() ? 0 : at(relative_[0].front[at(f)]);
+    std::int64_t submap = submap_front_[at(f)];
+    for (const std::int64_t k : structure_.owned_by(f)) {
+      Relative* const group = group_of(k);
+      if (group == nullptr) {
+        submap_cliques_[at(submap++)] = k;
         continue;
       }
-      while (c + 1 < static_cast<int>(first.size()) && list_.observation(k) >= first[at(c) + 1])
-        ++c;
-      Relative& group = relative_[at(c)];
+      const auto g = static_cast<std::size_t>(group - relative_.data());
+      if (g != std::exchange(c, g)) next = at(group->front[at(f)]);
       const auto v = list_.clique(k);
       const auto rows = structure_.clique_rows(k);
-      group.id.push_back(static_cast<std::int32_t>(list_.observation(k) - first[at(c)]));
-      group.slots.push_back(v[0] - piece.column_start[at(poses)]);
-      group.slots.push_back(v[1] - piece.column_start[at(group.column)]);
-      group.offsets.push_back(rows[0]);
-      group.offsets.push_back(rows[1]);
+      group->id[next] = static_cast<std::int32_t>(list_.observation(k) - first[g]);
+      group->slots[2 * next] = v[0] - piece.column_start[at(poses)];
+      group->slots[2 * next + 1] = v[1] - piece.column_start[at(group->column)];
+      group->offsets[2 * next] = rows[0];
+      group->offsets[2 * next + 1] = rows[1];
+      ++next;
     }
-  }
-  for (Relative& group : relative_)
-    group.front.push_back(static_cast<std::int64_t>(group.id.size()));
-  submap_front_.push_back(static_cast<std::int64_t>(submap_cliques_.size()));
-  front_chi2_.resize(fronts);
+  });
+  front_chi2_.resize(at(fronts));
 }
 
 template <int D>

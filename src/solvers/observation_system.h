@@ -105,7 +105,7 @@ class ObservationSystem {
   void hold_gauge(const Piece<D>& piece);
   void weigh_held(const Piece<D>& piece);
   void plan(const Piece<D>& piece, std::span<const std::int32_t> rank, WorkerPool* pool);
-  void sort_by_front(const Piece<D>& piece);
+  void sort_by_front(const Piece<D>& piece, LoopRunner loop);
   RelativeBatch<D> batch(const Relative& relative, const Piece<D>& piece, std::int64_t first,
                          std::int64_t last) const;
   double assemble_submaps(std::int32_t front, const DenseTarget& target, const Piece<D>& piece,
