@@ -11,13 +11,13 @@
 
 namespace mapjoin {
 
-/// S of a front in the workspace: element (i, j), i >= j, is column(j)[i]; row size() is the
+/// S of a front at its place in memory: element (i, j), i >= j, is column(j)[i]; row size() is the
 /// right-hand side. A last column holds the diagonal of H, as assembled so far, for these rows:
 /// pivots are judged by it.
 class UpdateMatrix {
  public:
-  UpdateMatrix(const Front& front, double* workspace)
-      : begin_(workspace + front.update + front.pivot_dim % kRowGroup),
+  UpdateMatrix(const Front& front, double* place)
+      : begin_(place + front.pivot_dim % kRowGroup),
         stride_(front.update_stride),
         size_(front.update_dim) {}
 

@@ -20,11 +20,12 @@ namespace mapjoin {
 /// side.
 class FrontView {
  public:
-  FrontView(const Front& front, double* panel, double* workspace)
+  /// `update`: where the front's update matrix has its place.
+  FrontView(const Front& front, double* panel, double* update)
       : panel_(panel),
         /// Row p of S is aligned as row p of the panel: its columns start with the row group that
         /// holds row p.
-        update_(workspace + front.update - front.pivot_dim / kRowGroup * kRowGroup),
+        update_(update - front.pivot_dim / kRowGroup * kRowGroup),
         pivot_dim_(front.pivot_dim),
         rows_(front.rows()),
         panel_stride_(front.panel_stride),

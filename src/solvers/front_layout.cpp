@@ -104,14 +104,6 @@ class TaskPlanner {
   double limit_ = 0;
 };
 
-// Update matrix with whole columns from the row group that holds row p, then a column for the
-// diagonal of H.
-std::int64_t update_size(const Front& front) {
-  if (front.update_dim == 0) return 0;
-  return std::int64_t{front.update_stride} * front.update_dim +
-         whole_groups(front.update_dim + kRowGroup - 1);
-}
-
 // Gives update matrices their places. The matrices of a subtree lie in one stretch of memory,
 // [begin of the subtree, end_ when its root was placed); when its root is eliminated, only its
 // children's matrices are still needed there.
@@ -194,6 +186,12 @@ class UpdatePlanner {
 };
 
 }  // namespace
+
+std::int64_t update_size(const Front& front) {
+  if (front.update_dim == 0) return 0;
+  return std::int64_t{front.update_stride} * front.update_dim +
+         whole_groups(front.update_dim + kRowGroup - 1);
+}
 
 void plan_tasks(FrontalStructure& structure, const FrontCostModel& cost) {
   structure.tasks.clear();

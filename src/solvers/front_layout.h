@@ -14,6 +14,10 @@ inline std::int64_t end_of_panel(const Front& front) {
   return front.panel + std::int64_t{front.panel_stride} * front.pivot_dim;
 }
 
+/// Doubles of a front's update matrix: whole columns from the row group that holds the first row
+/// below the pivots, then a column for the diagonal of H.
+std::int64_t update_size(const Front& front);
+
 /// Panels leave memory in portions of about this many doubles.
 inline constexpr std::int64_t kPanelPortion = std::int64_t{1} << 20;
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <limits>
 
-#include "mapjoin/solvers/extend_add.h"
 #include "mapjoin/solvers/front_layout.h"
 
 namespace mapjoin {
@@ -44,17 +43,38 @@ void FrontalCholesky::require_memory(const FrontalStructure& structure, std::int
   structure_ = &structure;
   first_panel_ = first_panel;
   factor_.require(end_panel - first_panel);
-  workspace_.require(structure.statistics.workspace_bytes /
-                     static_cast<std::int64_t>(sizeof(double)));
   scratch_.require(2 * scratch_rows(structure) * threads);
   squared_y_.resize(structure.fronts.size());
   other_y_.clear();
   first_failure_ = kNoFailure;
 }
 
+/// For the update matrices of all fronts.
+void FrontalCholesky::require_workspace(const FrontalStructure& structure) {
+  first_update_ = 0;
+  workspace_.require(structure.statistics.workspace_bytes /
+                     static_cast<std::int64_t>(sizeof(double)));
+}
+
+/// For those of a subtree, which lie anywhere in the workspace of all: only the stretch they take.
+/// So many small subtrees, one after the other, use the same memory, which stays in the cache.
+void FrontalCholesky::require_workspace(const FrontalStructure& structure, Index first,
+                                        Index root) {
+  std::int64_t begin = std::numeric_limits<std::int64_t>::max();
+  std::int64_t end = 0;
+  for (Index f = first; f <= root; ++f) {
+    const Front& front = structure.fronts[f];
+    begin = std::min(begin, front.update - front.pivot_dim / kRowGroup * kRowGroup);
+    end = std::max(end, front.update + update_size(front));
+  }
+  first_update_ = begin / kRowGroup * kRowGroup;
+  workspace_.require(end - first_update_);
+}
+
 void FrontalCholesky::reserve(const FrontalStructure& structure) {
-  if (options_.residence.bytes < 0)
-    factor_.require(structure.statistics.factor_bytes / static_cast<std::int64_t>(sizeof(double)));
+  if (options_.residence.bytes >= 0) return;
+  factor_.require(structure.statistics.factor_bytes / static_cast<std::int64_t>(sizeof(double)));
+  require_workspace(structure);
 }
 
 /// One after another; what is finished may leave memory, some MB at a time.
@@ -72,12 +92,16 @@ void FrontalCholesky::factor_fronts(Index begin, Index end, Assembler assemble, 
   }
 }
 
+void FrontalCholesky::give_back_update(const Front& front) {
+  const std::int64_t begin = front.update - first_update_;
+  workspace_.give_back(begin, begin + std::int64_t{front.update_stride} * front.update_dim);
+}
+
 /// The update matrices below a front are added to it: their memory is free until the next time.
 void FrontalCholesky::give_back_updates(Index front) {
   for (const Index child : structure_->children_of(front)) {
     const Front& below = structure_->fronts[child];
-    workspace_.give_back(below.update,
-                         below.update + std::int64_t{below.update_stride} * below.update_dim);
+    give_back_update(below);
   }
 }
 
@@ -86,6 +110,7 @@ FactorStatus FrontalCholesky::factorize_subtree(const FrontalStructure& structur
                                                 LoopRunner loop) {
   require_memory(structure, structure.fronts[first].panel, end_of_panel(structure.fronts[root]),
                  pool.threads());
+  require_workspace(structure, first, root);
   if (pool.threads() == 1) {
     factor_fronts(first, root + 1, assemble, scratch_.data(), loop);
     return status();
@@ -129,6 +154,7 @@ FactorStatus FrontalCholesky::factorize(const FrontalStructure& structure, Assem
   require_memory(structure, 0,
                  structure.statistics.factor_bytes / static_cast<std::int64_t>(sizeof(double)),
                  pool.threads());
+  require_workspace(structure);
   const std::int64_t rows = scratch_rows(structure);
   for_each_task(structure.tasks, pool, [&](int thread, const FrontTask& task, LoopRunner loop) {
     factor_fronts(task.begin, task.end, assemble, scratch_.data() + 2 * rows * thread, loop);
@@ -147,7 +173,7 @@ void FrontalCholesky::factor_front(Index f, Assembler assemble, double* scratch,
   const Front& front = structure_->fronts[f];
   // Later fronts cannot change what failed first; earlier ones can, and are never skipped.
   if (front.first_scalar > first_failure_.load(std::memory_order_relaxed)) return;
-  const FrontView view(front, panel(front), workspace_.data());
+  const FrontView view(front, panel(front), update_place(front));
   const auto children = structure_->children_of(f);
   if (loop.run != nullptr && front_flops(front.pivot_dim, front.update_dim) < kSharedFrontFlops)
     loop = {};
@@ -163,16 +189,14 @@ void FrontalCholesky::factor_front(Index f, Assembler assemble, double* scratch,
   for (int j = 0; j < view.rows(); ++j) diagonal[j] = view.column(j)[j];
   for_each_column_range(view.rows(), loop, [&](int begin, int end) {
     for (const Index child : children) {
-      extend_add(view, UpdateMatrix(structure_->fronts[child], workspace_.data()),
-                 structure_->runs_of(child), begin, end);
+      extend_add(view, update_of(structure_->fronts[child]), structure_->runs_of(child), begin,
+                 end);
     }
   });
   for (const Index child : children) {
-    extend_add_diagonal(diagonal, UpdateMatrix(structure_->fronts[child], workspace_.data()),
-                        structure_->runs_of(child));
+    extend_add_diagonal(diagonal, update_of(structure_->fronts[child]), structure_->runs_of(child));
   }
-  std::copy(diagonal + front.pivot_dim, diagonal + view.rows(),
-            UpdateMatrix(front, workspace_.data()).diagonal());
+  std::copy(diagonal + front.pivot_dim, diagonal + view.rows(), update_of(front).diagonal());
 
   double* const smallest = diagonal + view.rows();
   for (int j = 0; j < front.pivot_dim; ++j)

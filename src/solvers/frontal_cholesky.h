@@ -29,6 +29,7 @@
 #include <vector>
 
 #include "mapjoin/solvers/aligned_buffer.h"
+#include "mapjoin/solvers/extend_add.h"
 #include "mapjoin/solvers/factor_memory.h"
 #include "mapjoin/solvers/front_kernels.h"
 #include "mapjoin/solvers/fronts.h"
@@ -185,9 +186,16 @@ class FrontalCholesky {
   FactorStatus status() const;
   void require_memory(const FrontalStructure& structure, std::int64_t first_panel,
                       std::int64_t end_panel, int threads);
+  void require_workspace(const FrontalStructure& structure);
+  void require_workspace(const FrontalStructure& structure, std::int32_t first, std::int32_t root);
   double* panel(const Front& front) const { return factor_.data() + (front.panel - first_panel_); }
+  double* update_place(const Front& front) const {
+    return workspace_.data() + (front.update - first_update_);
+  }
+  UpdateMatrix update_of(const Front& front) const { return {front, update_place(front)}; }
   void factor_fronts(std::int32_t begin, std::int32_t end, Assembler assemble, double* scratch,
                      LoopRunner loop);
+  void give_back_update(const Front& front);
   void give_back_updates(std::int32_t front);
   void substitute_fronts(std::int32_t begin, std::int32_t end, double* x, double* local) const;
   void factor_front(std::int32_t front, Assembler assemble, double* scratch, LoopRunner loop);
@@ -203,6 +211,7 @@ class FrontalCholesky {
   std::vector<double> squared_y_;  ///< per front
   std::vector<double> other_y_;    ///< of `eliminate`, in the order of elimination; else empty
   AlignedBuffer workspace_;
+  std::int64_t first_update_ = 0;  ///< offset in the structure of what lies first in workspace_
   AlignedBuffer scratch_;
   AlignedBuffer closing_;  ///< the dense system of close_subtree
   TreeScheduler scheduler_;

@@ -30,16 +30,14 @@ void FrontalCholesky::forward_substitute(Index f, RhsAssembler assemble, double*
   std::fill_n(local, row_end + 2 * rows, 0.0);
   assemble.call(assemble.object, f, local, local + row_end);
   for (const Index child : structure_->children_of(f)) {
-    extend_add_diagonal(local, UpdateMatrix(structure_->fronts[child], workspace_.data()),
-                        structure_->runs_of(child));
+    extend_add_diagonal(local, update_of(structure_->fronts[child]), structure_->runs_of(child));
   }
   solve_pivots_forward(panel(front), front.panel_stride, front.pivot_dim, row_end, local);
   double sum = 0.0;
   for (int j = 0; j < front.pivot_dim; ++j) sum += local[j] * local[j];
   std::copy_n(local, front.pivot_dim, other_y_.data() + front.first_scalar);
   squared_y_[static_cast<std::size_t>(f)] = sum;
-  std::copy(local + front.pivot_dim, local + rows,
-            UpdateMatrix(front, workspace_.data()).diagonal());
+  std::copy(local + front.pivot_dim, local + rows, update_of(front).diagonal());
 }
 
 /// From the first to the last; where the factor is on disk, what has been read leaves memory again.

@@ -18,7 +18,7 @@ constexpr double kSmallestHeldPivot = 1e-13;
 Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>> FrontalCholesky::update_matrix(
     Index root) const {
   const Front& front = structure_->fronts[root];
-  const UpdateMatrix S(front, workspace_.data());
+  const UpdateMatrix S = update_of(front);
   return {S.column(0), S.size(), S.size(), Eigen::OuterStride<>(front.update_stride)};
 }
 
@@ -38,16 +38,13 @@ bool FrontalCholesky::close_subtree(Index first, Index root, std::span<const Ind
     const std::int64_t size = std::int64_t{row_end} * (q + 3);
     double* const memory = closing_.require(size);
     const FrontView view(front, memory, memory);
-    const UpdateMatrix S(s.fronts[root], workspace_.data());
+    const UpdateMatrix S = update_of(s.fronts[root]);
     for (Index j = 0; j < q; ++j) {
       double* const to = view.column(j);
       std::fill(to, to + row_end, 0.0);
       std::copy(S.column(j) + j, S.column(j) + q + 1, to + j);
     }
-    if (options_.residence.bytes >= 0) {
-      const Front& last = s.fronts[root];
-      workspace_.give_back(last.update, last.update + std::int64_t{last.update_stride} * q);
-    }
+    if (options_.residence.bytes >= 0) give_back_update(s.fronts[root]);
     for (const Index row : held) view.column(row)[row] += std::max(S.diagonal()[row], 1e-300);
     double* const smallest = memory + std::int64_t{row_end} * q;
     for (Index j = 0; j < q; ++j) smallest[j] = kSmallestHeldPivot * S.diagonal()[j];
