@@ -55,8 +55,8 @@ void refine_over(const std::shared_ptr<const MeasurementGraph<D>>& graph, JoinRe
     piece.observations = observations_of(*graph, map);
     ObservationSystem<D> system(*graph, piece, std::span<const std::int32_t>(), places);
     const RefineResult refined =
-        refine(*graph, piece, system, cholesky, pool, options.max_refine_solves, kRefineTolerance,
-               options.progress);
+        refine(*graph, piece, system, cholesky, pool, options.max_refine_solves,
+               options.refine_tolerance, options.progress);
     report.chi2_linear += refined.chi2_before;
     report.chi2 += refined.chi2;
     report.refine_solves = std::max(report.refine_solves, refined.solves);

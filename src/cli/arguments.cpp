@@ -95,6 +95,11 @@ void add_join_arguments(CLI::App& command, JoinArguments& a) {
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   command
+      .add_option("--tolerance", a.tolerance,
+                  "In optimal mode: refine until no more than this fraction of chi2 is left above "
+                  "its minimum, by an estimate that is rather too large [2e-7]")
+      ->type_name("FRACTION");
+  command
       .add_option("--anchor", a.anchor,
                   std::string("The frame the result is written in: ") + kAnchors +
                       " [the pose that the file fixes, else the lowest one of each piece; points "
@@ -153,6 +158,13 @@ JoinOptions join_options(const JoinArguments& a) {
   if (a.strategy == "sequential") options.strategy = Strategy::kSequential;
   const unsigned all = std::max(1U, std::thread::hardware_concurrency());
   options.threads = a.threads == 0 ? static_cast<int>(all) : a.threads;
+  if (a.tolerance) {
+    if (options.mode != Mode::kOptimal) {
+      throw InputError(fmt::format(
+          "--tolerance is for optimal mode, which refines; leave it out with --mode {}", a.mode));
+    }
+    options.refine_tolerance = *a.tolerance;
+  }
   options.memory_limit = static_cast<std::int64_t>(a.memory_limit);
   options.scratch = a.scratch;
   options.checkpoint = a.checkpoint;

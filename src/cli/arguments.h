@@ -24,6 +24,7 @@ struct JoinArguments {
   std::string anchor;
   std::string indefinite = "refuse";
   int threads = 1;
+  std::optional<double> tolerance;  ///< of `refine`
   std::uint32_t session = 0;
   std::uint64_t memory_limit = 0;
   std::string scratch;

@@ -105,8 +105,8 @@ void join_maps(const JoinCommand& a, const std::vector<AnyMap>& any, const Stopw
 /// Options that mean nothing to the methods other than the linear one, where they are given.
 void expect_linear_only(const CLI::App& command, const JoinCommand& a) {
   if (parse_method(a.join.method) == Method::kLinear) return;
-  for (const char* option : {"--mode", "--tree", "--strategy", "--threads", "--memory-limit",
-                             "--scratch", "--checkpoint", "--features-only"}) {
+  for (const char* option : {"--mode", "--tree", "--strategy", "--threads", "--tolerance",
+                             "--memory-limit", "--scratch", "--checkpoint", "--features-only"}) {
     if (command.get_option(option)->count() > 0)
       throw InputError(fmt::format("{} goes with --method linear; --method {} has no such choice",
                                    option, a.join.method));

@@ -34,6 +34,8 @@ void check(const JoinOptions& options) {
         "leave them out");
   }
   if (options.max_refine_solves < 1) throw InputError("max_refine_solves must be at least 1");
+  if (!(options.refine_tolerance >= 0.0) || options.refine_tolerance >= 1.0)
+    throw InputError("refine_tolerance must be at least 0 and less than 1");
 }
 
 template <int D>
@@ -137,8 +139,8 @@ RefineResult refine_uncoiled(const MeasurementGraph<D>& graph, Piece<D>& piece,
                              const LastSolve& last_solve, JoinReport& report) {
   constexpr int kRounds = 8;
   const auto refine_from = [&](const LastSolve& last) {
-    return refine(graph, piece, system, cholesky, pool, options.max_refine_solves, kRefineTolerance,
-                  options.progress, last);
+    return refine(graph, piece, system, cholesky, pool, options.max_refine_solves,
+                  options.refine_tolerance, options.progress, last);
   };
   std::size_t laid = 0;
   std::vector<int> coiled = coiled_poses(graph, piece, places, pool);

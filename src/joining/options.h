@@ -45,6 +45,9 @@ struct Progress {
 /// CancelledError.
 using ProgressCallback = std::function<bool(const Progress&)>;
 
+/// Of chi2: what refinement may leave above the minimum where nobody asks for another figure.
+inline constexpr double kRefineTolerance = 2e-7;
+
 struct JoinOptions {
   Mode mode = Mode::kOptimal;
   TreeShape tree = TreeShape::kGraph;
@@ -61,6 +64,9 @@ struct JoinOptions {
   int root_solves = 0;     ///< linear solves at the root; 0: the mode's own (paper and summary 1,
                            ///< observe and optimal 2)
   int max_refine_solves = 100;
+  /// Optimal mode: refinement ends when no more than this fraction of chi2 is left above its
+  /// minimum, by an estimate that is rather too large.
+  double refine_tolerance = kRefineTolerance;
   bool information = true;  ///< also compute the information matrix of the result
   ProgressCallback progress;
 

@@ -8,10 +8,6 @@
 
 namespace mapjoin {
 
-/// Of chi2: what may be left above the minimum, by an estimate that is rather too large, wherever
-/// nobody asks for another figure.
-inline constexpr double kRefineTolerance = 2e-8;
-
 /// The solve that led to a piece's values, where its factor is still there to be used again.
 struct LastSolve {
   double chi2 = 0.0;       ///< before its step

@@ -99,6 +99,17 @@ class BadInput : public Workbench {
   std::string good3() const { return write("good3.g2o", kEdge3); }
 };
 
+TEST_F(BadInput, ToleranceThatMeansNothing) {
+  for (const char* tolerance : {"-1e-6", "1", "nan"}) {
+    expect_refused({"solve", good(), "--tolerance", tolerance, "--output", file("out.g2o")},
+                   "refine_tolerance must be at least 0 and less than 1");
+  }
+  expect_refused(
+      {"solve", good(), "--tolerance", "1e-6", "--mode", "observe", "--output", file("out.g2o")},
+      "--tolerance is for optimal mode");
+  run({"solve", good(), "--tolerance", "1e-9", "--output", file("out.g2o")});
+}
+
 TEST_F(BadInput, MissingFiles) {
   expect_refused({"solve", file("none.g2o"), "--output", file("out.g2o")}, "none.g2o");
   expect_refused({"join", file("none"), "--output", file("out.g2o")}, "none");
