@@ -138,14 +138,14 @@ void apply_postorder(std::vector<Index>& order, std::vector<Index>& position,
   }
 }
 
-std::vector<ColumnCount> column_counts(std::span<const std::int32_t> dims,
+std::vector<ColumnCount> column_counts(std::span<const std::int32_t> column_dim,
                                        std::span<const std::int32_t> order,
                                        std::span<const std::int32_t> position,
                                        std::span<const std::int32_t> parent, const Stars& stars) {
   const auto n = static_cast<Index>(order.size());
   std::vector<ColumnCount> count(order.size());
   const auto add = [&](Index at, Index row, int sign) {
-    count[at].scalars += sign * dims[order[row]];
+    count[at].scalars += sign * column_dim[row];
     count[at].blocks += sign;
   };
   // Row i's subtree is the set of columns with an entry in row i. Its weight is put on its leaves
@@ -194,11 +194,12 @@ double elimination_flops(std::span<const std::int32_t> dims, Cliques cliques,
   const Stars stars = clique_stars(position, cliques);
   std::vector<std::int32_t> parent = elimination_tree(order, position, stars);
   apply_postorder(postordered, position, parent);
-  const auto count = column_counts(dims, postordered, position, parent, stars);
+  std::vector<Index> column_dim(postordered.size());
+  for (std::size_t k = 0; k < column_dim.size(); ++k) column_dim[k] = dims[postordered[k]];
+  const auto count = column_counts(column_dim, postordered, position, parent, stars);
   double flops = 0.0;
   for (std::size_t k = 0; k < count.size(); ++k) {
-    const int dim = dims[static_cast<std::size_t>(postordered[k])];
-    for (int c = 0; c < dim; ++c) {
+    for (int c = 0; c < column_dim[k]; ++c) {
       const double rows = count[k].scalars - c;
       flops += rows * rows;
     }

@@ -56,8 +56,9 @@ struct ColumnCount {
 };
 
 /// Counts by the skeleton algorithm of Gilbert, Ng and Peyton (1994), weighted by dimension.
-/// `parent` must be postordered: position p is the p-th node of its own postorder.
-std::vector<ColumnCount> column_counts(std::span<const std::int32_t> dims,
+/// `column_dim` is the dimension of the variable at each position. `parent` must be postordered:
+/// position p is the p-th node of its own postorder.
+std::vector<ColumnCount> column_counts(std::span<const std::int32_t> column_dim,
                                        std::span<const std::int32_t> order,
                                        std::span<const std::int32_t> position,
                                        std::span<const std::int32_t> parent, const Stars& stars);

@@ -55,8 +55,9 @@ SupernodeTree find_supernodes(std::span<const Index> dim, std::span<const Index>
 }
 
 // Bottom-up; each parent takes in, largest update set (fewest new zeros) first, the children that
-// pay.
-void merge_supernodes(SupernodeTree& tree, const FrontCostModel& cost) {
+// pay. `own_cost`, of each supernode, becomes that of each live one.
+void merge_supernodes(SupernodeTree& tree, const FrontCostModel& cost,
+                      std::vector<double>& own_cost) {
   const Index size = tree.size();
   std::vector<Index> child_start(static_cast<std::size_t>(size) + 1, 0);
   for (const Index p : tree.parent) {
@@ -69,7 +70,6 @@ void merge_supernodes(SupernodeTree& tree, const FrontCostModel& cost) {
   for (Index s = 0; s < size; ++s) {
     if (tree.parent[s] >= 0) children[next[tree.parent[s]]++] = s;
   }
-  std::vector<double> own_cost(static_cast<std::size_t>(size));
   for (Index s = 0; s < size; ++s) {
     const auto begin = children.begin() + child_start[s];
     const auto end = children.begin() + child_start[s + 1];
@@ -79,7 +79,6 @@ void merge_supernodes(SupernodeTree& tree, const FrontCostModel& cost) {
                                                         : a < b;
       });
     }
-    own_cost[s] = cost(tree.pivot_dim[s], tree.update_dim[s]);
     for (auto c = begin; c != end; ++c) {
       const double merged = cost(tree.pivot_dim[s] + tree.pivot_dim[*c], tree.update_dim[s]);
       if (merged > own_cost[s] + own_cost[*c]) continue;
@@ -97,13 +96,14 @@ void merge_supernodes(SupernodeTree& tree, const FrontCostModel& cost) {
 }
 
 // Postorder of the live supernodes in which the child of the costliest subtree comes last.
-std::vector<Index> heaviest_last_postorder(const SupernodeTree& tree, const FrontCostModel& cost) {
+std::vector<Index> heaviest_last_postorder(const SupernodeTree& tree,
+                                           std::span<const double> own_cost) {
   const Index size = tree.size();
   std::vector<double> subtree(static_cast<std::size_t>(size), 0.0);
   std::vector<Index> heaviest(static_cast<std::size_t>(size), -1);
   for (Index s = 0; s < size; ++s) {
     if (!tree.alive[s]) continue;
-    subtree[s] += cost(tree.pivot_dim[s], tree.update_dim[s]);
+    subtree[s] += own_cost[s];
     const Index p = tree.parent[s];
     if (p < 0) continue;
     subtree[p] += subtree[s];
@@ -160,12 +160,18 @@ FrontPartition partition_into_fronts(std::span<const std::int32_t> column_dim,
                                      std::span<const ColumnCount> count,
                                      const MergingOptions& options) {
   SupernodeTree tree = find_supernodes(column_dim, parent, count);
-  if (options.merge_fronts) merge_supernodes(tree, options.cost);
-  const std::vector<Index> order = heaviest_last_postorder(tree, options.cost);
+  std::vector<double> own_cost(static_cast<std::size_t>(tree.size()));
+  for (Index s = 0; s < tree.size(); ++s)
+    own_cost[s] = options.cost(tree.pivot_dim[s], tree.update_dim[s]);
+  if (options.merge_fronts) merge_supernodes(tree, options.cost, own_cost);
+  const std::vector<Index> order = heaviest_last_postorder(tree, own_cost);
 
   FrontPartition result;
   std::vector<Index> number(static_cast<std::size_t>(tree.size()), -1);
   for (std::size_t f = 0; f < order.size(); ++f) number[order[f]] = static_cast<Index>(f);
+  for (auto* const list :
+       {&result.parent, &result.pivot_dim, &result.update_dim, &result.update_blocks})
+    list->reserve(order.size());
   for (const Index s : order) {
     result.parent.push_back(tree.parent[s] < 0 ? -1 : number[tree.parent[s]]);
     result.pivot_dim.push_back(tree.pivot_dim[s]);

@@ -70,9 +70,9 @@ class Analysis {
       for (Index& p : parent) p = p < eliminated_ ? p : -1;
     }
     apply_postorder(s_.order, s_.position, parent);
-    const auto count = column_counts(s_.dims, s_.order, s_.position, parent, stars_);
     std::vector<Index> column_dim(s_.order.size());
     for (std::size_t k = 0; k < column_dim.size(); ++k) column_dim[k] = s_.dims[s_.order[k]];
+    const auto count = column_counts(column_dim, s_.order, s_.position, parent, stars_);
     const FrontPartition partition = partition_into_fronts(column_dim, parent, count, options_);
 
     s_.fronts.resize(static_cast<std::size_t>(partition.fronts()));

@@ -22,6 +22,8 @@ ObservationList<D>::ObservationList(const MeasurementGraph<D>& graph, const Piec
   if (!std::is_sorted(observations_.begin(), observations_.end()))
     std::sort(observations_.begin(), observations_.end());
   places.mark(piece.variables);
+  cliques_.start.reserve(observations_.size() + 1);
+  cliques_.variables.reserve(2 * observations_.size());  // at least
   const auto add = [&](std::int32_t variable) { cliques_.variables.push_back(places[variable]); };
   std::int64_t first = 0;
   std::size_t k = 0;
