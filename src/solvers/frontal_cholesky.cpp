@@ -68,7 +68,7 @@ void FrontalCholesky::require_workspace(const FrontalStructure& structure, Index
     end = std::max(end, front.update + update_size(front));
   }
   first_update_ = begin / kRowGroup * kRowGroup;
-  workspace_.require(end - first_update_);
+  workspace_.require(end - first_update_ + kRowGroup);  // a root has a place, if no matrix there
 }
 
 void FrontalCholesky::reserve(const FrontalStructure& structure) {
