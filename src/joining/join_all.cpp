@@ -34,8 +34,12 @@ void check(const JoinOptions& options) {
         "leave them out");
   }
   if (options.max_refine_solves < 1) throw InputError("max_refine_solves must be at least 1");
-  if (!(options.refine_tolerance >= 0.0) || options.refine_tolerance >= 1.0)
-    throw InputError("refine_tolerance must be at least 0 and less than 1");
+  if (!(options.refine_tolerance >= 0.0) || options.refine_tolerance > kMostRefineTolerance) {
+    throw InputError(
+        fmt::format("refine_tolerance must be at least 0 and at most {:g}: what is left is "
+                    "estimated by what holds near the minimum",
+                    kMostRefineTolerance));
+  }
 }
 
 template <int D>

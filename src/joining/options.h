@@ -47,6 +47,8 @@ using ProgressCallback = std::function<bool(const Progress&)>;
 
 /// Of chi2: what refinement may leave above the minimum where nobody asks for another figure.
 inline constexpr double kRefineTolerance = 2e-7;
+/// The most that can be asked for: farther from the minimum the estimate of what is left is none.
+inline constexpr double kMostRefineTolerance = 1e-3;
 
 struct JoinOptions {
   Mode mode = Mode::kOptimal;
@@ -65,7 +67,7 @@ struct JoinOptions {
                            ///< observe and optimal 2)
   int max_refine_solves = 100;
   /// Optimal mode: refinement ends when no more than this fraction of chi2 is left above its
-  /// minimum, by an estimate that is rather too large.
+  /// minimum, by an estimate that is rather too large; 0 to kMostRefineTolerance.
   double refine_tolerance = kRefineTolerance;
   bool information = true;  ///< also compute the information matrix of the result
   ProgressCallback progress;

@@ -100,9 +100,9 @@ class BadInput : public Workbench {
 };
 
 TEST_F(BadInput, ToleranceThatMeansNothing) {
-  for (const char* tolerance : {"-1e-6", "1", "nan"}) {
+  for (const char* tolerance : {"-1e-6", "0.01", "nan"}) {
     expect_refused({"solve", good(), "--tolerance", tolerance, "--output", file("out.g2o")},
-                   "refine_tolerance must be at least 0 and less than 1");
+                   "refine_tolerance must be at least 0 and at most 0.001");
   }
   expect_refused(
       {"solve", good(), "--tolerance", "1e-6", "--mode", "observe", "--output", file("out.g2o")},

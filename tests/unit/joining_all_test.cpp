@@ -340,7 +340,7 @@ TYPED_TEST(JoinAll, RefusesEmptyInputAndSenselessOptions) {
                    : options.max_refine_solves) = -1;
     EXPECT_THROW((void)join_all(graph, options), InputError) << option;
   }
-  for (const double tolerance : {-1e-9, 1.0, std::numeric_limits<double>::quiet_NaN()}) {
+  for (const double tolerance : {-1e-9, 0.01, std::numeric_limits<double>::quiet_NaN()}) {
     JoinOptions options;
     options.refine_tolerance = tolerance;
     EXPECT_THROW((void)join_all(graph, options), InputError) << tolerance;
@@ -349,24 +349,26 @@ TYPED_TEST(JoinAll, RefusesEmptyInputAndSenselessOptions) {
 
 TYPED_TEST(JoinAll, RefinesToTheToleranceThatIsAskedFor) {
   constexpr int D = TypeParam::value;
-  Dice dice(16);
-  const auto graph =
-      random_graph<D>(dice, {.poses = 300, .points = 40, .closures = 200, .noise = 0.1}).graph;
-  JoinOptions options;
-  options.refine_tolerance = 0.0;
-  const JoinResult<D> least = join_all(graph, options);
-  ASSERT_EQ(least.maps.size(), 1u);
-  int solves = 0;
-  for (const double tolerance : {1e-1, 1e-4, 1e-7, 1e-10}) {
-    options.refine_tolerance = tolerance;
-    const JoinResult<D> result = join_all(graph, options);
-    EXPECT_TRUE(result.report.minimum);
-    EXPECT_GE(result.report.chi2, least.report.chi2 * (1.0 - 1e-13));
-    EXPECT_LE(result.report.chi2, least.report.chi2 * (1.0 + tolerance)) << tolerance;
-    EXPECT_GE(result.report.refine_solves, solves);
-    solves = result.report.refine_solves;
+  for (std::uint64_t seed = 16; seed < 20; ++seed) {
+    Dice dice(seed);
+    const auto graph =
+        random_graph<D>(dice, {.poses = 300, .points = 40, .closures = 200, .noise = 0.05}).graph;
+    JoinOptions options;
+    options.refine_tolerance = 0.0;
+    const JoinResult<D> least = join_all(graph, options);
+    ASSERT_EQ(least.maps.size(), 1u);
+    int solves = 0;
+    for (const double tolerance : {1e-3, 1e-5, 1e-7, 1e-10}) {
+      options.refine_tolerance = tolerance;
+      const JoinResult<D> result = join_all(graph, options);
+      EXPECT_TRUE(result.report.minimum);
+      EXPECT_GE(result.report.chi2, least.report.chi2 * (1.0 - 1e-12));
+      EXPECT_LE(result.report.chi2, least.report.chi2 * (1.0 + tolerance)) << tolerance;
+      EXPECT_GE(result.report.refine_solves, solves);
+      solves = result.report.refine_solves;
+    }
+    EXPECT_GT(least.report.refine_solves, 1);
   }
-  EXPECT_GT(least.report.refine_solves, 1);
 }
 
 TYPED_TEST(JoinAll, JoinsTwoSessionsByTheLinksBetweenThem) {
