@@ -101,7 +101,7 @@ struct JoinReport {
   int joins = 0;
   int redone_joins = 0;   ///< joins that a safeguard solved once more or in smaller steps
   int resumed_joins = 0;  ///< joins that were found in the checkpoint
-  bool minimum = true;    ///< optimal mode: the end is a minimum, to less than 1e-6 of chi2
+  bool minimum = true;    ///< optimal mode: the end is a minimum, to refine_tolerance
   std::int64_t poses = 0;
   std::int64_t features = 0;  ///< variables that are no poses
   std::int64_t observations = 0;

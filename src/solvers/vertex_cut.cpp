@@ -45,13 +45,13 @@ void VertexCut::begin(const BlockGraph& graph, std::span<const Side> side) {
 /// Breadth first from the right, then whatever is left: whoever comes is entered in the lists of
 /// its neighbours, so that each list has those nearer to the right first.
 void VertexCut::find_neighbours(const BlockGraph& graph) {
-  start_.assign(1, 0);
+  inside_.start.assign(1, 0);
   for (const Index v : band_) {
     const auto inside = std::ranges::count_if(graph[v], [&](Index u) { return place_[u] >= 0; });
-    start_.push_back(start_.back() + static_cast<Index>(inside));
+    inside_.start.push_back(inside_.start.back() + static_cast<Index>(inside));
   }
-  neighbours_.resize(static_cast<std::size_t>(start_.back()));
-  to_.assign(start_.begin(), start_.end() - 1);  // where each list goes on
+  inside_.neighbours.resize(static_cast<std::size_t>(inside_.start.back()));
+  to_.assign(inside_.start.begin(), inside_.start.end() - 1);  // where each list goes on
   visited_.assign(band_.size(), 0);
   path_.clear();
   const auto visit = [&](Index i) {
@@ -68,7 +68,7 @@ void VertexCut::find_neighbours(const BlockGraph& graph) {
       for (const Index u : graph[band_[path_[k]]]) {
         const Index j = place_[u];
         if (j < 0) continue;
-        neighbours_[to_[j]++] = path_[k];
+        inside_.neighbours[to_[j]++] = path_[k];
         visit(j);
       }
     }
@@ -84,7 +84,7 @@ Index VertexCut::next_state(Index state) {
     if (!taken) return state + 1;
     return from_[i] >= 0 ? 2 * from_[i] + 1 : -1;  // back along the path that is here
   }
-  const std::span<const Index> around = neighbours(i);
+  const std::span<const Index> around = inside_[i];
   const auto count = static_cast<Index>(around.size());
   while (tried_[state] < count) {
     const Index j = around[tried_[state]++];
@@ -184,7 +184,7 @@ void VertexCut::cut_near_right(std::span<Side> side) {
       continue;
     }
     if (taken) visit(2 * i + 1);
-    for (const Index j : neighbours(i)) {
+    for (const Index j : inside_[i]) {
       if (to_[j] != i) visit(2 * j + 1);
     }
   }

@@ -28,12 +28,6 @@ class VertexCut {
  private:
   void begin(const BlockGraph& graph, std::span<const Side> side);
   void find_neighbours(const BlockGraph& graph);
-  std::span<const std::int32_t> neighbours(std::int32_t place) const {
-    const auto p = static_cast<std::size_t>(place);
-    return std::span(neighbours_)
-        .subspan(static_cast<std::size_t>(start_[p]),
-                 static_cast<std::size_t>(start_[p + 1] - start_[p]));
-  }
   bool find_path(std::int32_t source);
   std::int32_t next_state(std::int32_t state);
   void reroute();
@@ -43,8 +37,8 @@ class VertexCut {
   std::vector<std::int32_t> band_;                  ///< variables at the cut
   std::vector<std::int32_t> place_;                 ///< per variable: in band_; -1 elsewhere
   std::vector<char> touches_left_, touches_right_;  ///< per place
-  std::vector<std::int32_t> start_, neighbours_;    ///< places, those nearer to the right first
-  std::vector<std::int32_t> from_, to_;             ///< the path through a place
+  BlockGraph inside_;                    ///< of places; of each, those nearer to the right first
+  std::vector<std::int32_t> from_, to_;  ///< the path through a place
 
   // A search visits a place twice at most: where a path enters (2 i) and where it leaves (2 i + 1).
   std::vector<char> visited_;        ///< per state
