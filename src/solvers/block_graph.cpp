@@ -165,6 +165,18 @@ BlockGraph part_of_graph(const BlockGraph& graph, std::span<const std::int32_t> 
   return out;
 }
 
+bool has_hubs(const BlockGraph& graph) {
+  constexpr std::int64_t kManyTimes = 3;  // the average number of neighbours
+  constexpr std::int64_t kLargePart = 4;  // a quarter of all pairs of neighbours
+  const std::int64_t pairs = graph.start.back();
+  std::int64_t of_hubs = 0;
+  for (Index v = 0; v < graph.size(); ++v) {
+    const auto own = static_cast<std::int64_t>(graph[v].size());
+    if (own * graph.size() > kManyTimes * pairs) of_hubs += own;
+  }
+  return kLargePart * of_hubs > pairs;
+}
+
 ReducedGraph eliminate_chains(BlockGraph graph) { return ChainElimination(std::move(graph)).run(); }
 
 }  // namespace mapjoin

@@ -46,6 +46,10 @@ BlockGraph block_graph(std::int32_t variables, Cliques cliques);
 /// v; negative where it is not in it. Cost: O(their neighbours).
 BlockGraph part_of_graph(const BlockGraph& graph, std::span<const std::int32_t> number);
 
+/// Do variables with very many neighbours, as features are that many poses see, make a large part
+/// of the graph? O(variables).
+bool has_hubs(const BlockGraph& graph);
+
 /// Takes out variables that have at most two neighbours, one after the other: eliminating one makes
 /// no neighbour more than there was, only links its two. Chains of poses go, loops stay.
 struct ReducedGraph {

@@ -56,7 +56,9 @@ std::vector<Index> dissect(const ReducedGraph& reduced, int seed, WorkerPool* po
 
 std::vector<Index> automatic_order(std::span<const Index> dims, Cliques cliques,
                                    const ReducedGraph& reduced, int seed, WorkerPool* pool) {
-  if (reduced.graph.size() >= kLargeGraph) return dissect(reduced, seed, pool);
+  if (reduced.graph.size() >= kLargeGraph ||
+      (reduced.graph.size() >= kSmallGraph && has_hubs(reduced.graph)))
+    return dissect(reduced, seed, pool);
   const MinimumDegreeOrder quick = minimum_degree(reduced.graph);
   std::vector<Index> order = after_chains(reduced, quick.order);
   if (reduced.graph.size() < kSmallGraph) return order;

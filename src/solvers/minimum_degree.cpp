@@ -69,6 +69,7 @@ std::vector<Index> minimum_degree_in_two(std::span<const char> late, BlockGraph 
   double control[CAMD_CONTROL];
   double info[CAMD_INFO];
   camd_defaults(control);
+  control[CAMD_DENSE] = kLateAbove;
   camd_2(w.n(), w.start(), w.neighbours(), w.lengths(), w.space(), w.entries(), w.row(1), w.row(2),
          order.data(), w.row(3), w.row(4), w.row(5), w.row(6), control, info, group.data(),
          w.row(7));

@@ -18,7 +18,13 @@ namespace {
 
 using Index = std::int32_t;
 
-constexpr Index kSmallPart = 1000;  // variables that minimum degree orders
+// Variables that minimum degree orders; and where many of them see the same features, whose poses
+// it finds by itself and dissection only looks for longer.
+constexpr Index kSmallPart = 1000, kSmallPartWithHubs = 4000;
+
+bool is_small(const BlockGraph& graph) {
+  return graph.size() <= kSmallPart || (graph.size() <= kSmallPartWithHubs && has_hubs(graph));
+}
 
 /// A part of the graph by itself, to be written to order[begin] and on.
 struct Part {
@@ -93,7 +99,7 @@ class Dissector {
 
   void work(Queue& queue) {
     for (Part part; queue.take(part); queue.finished()) {
-      const std::span<const Side> side = part.graph.size() <= kSmallPart
+      const std::span<const Side> side = is_small(part.graph)
                                              ? std::span<const Side>()
                                              : finder_.find(part.graph, part.clusters, seed_);
       if (side.empty()) {

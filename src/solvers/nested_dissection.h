@@ -10,7 +10,7 @@
 namespace mapjoin {
 
 /// Parts the graph in two by a separator, each half again, down to parts of about a thousand
-/// variables, which minimum degree orders; separators come after what they part. A few large
+/// variables (four thousand among hubs), which minimum degree orders; separators come after what they part. A few large
 /// separators at the top decide how much work elimination is (growing as n to the power 1.5 in the
 /// plane, where minimum degree alone does worse), and halves can be eliminated at the same time;
 /// within small parts minimum degree is better and quicker.

@@ -337,5 +337,41 @@ TEST(BlockOrdering, DissectsWhereThatSavesWork) {
   }
 }
 
+/// Poses that drive to and fro through a strip of features and see all those around.
+Problem features_along_a_strip(Index poses, Index features, Index range) {
+  std::vector<Index> dims(static_cast<std::size_t>(poses), 3);
+  dims.resize(static_cast<std::size_t>(poses + features), 2);
+  Problem problem(dims);
+  for (Index k = 0; k + 1 < poses; ++k) problem.add({k, k + 1}, 3);
+  for (Index k = 0; k < poses; ++k) {
+    const Index lap = 2 * poses / 3;  // there, back, and half way there again
+    const Index along = std::abs((k + lap / 2) % lap - lap / 2) * 2 * features / lap;
+    const Index first = std::max(Index{0}, along - range);
+    const Index last = std::min(features, along + range);
+    for (Index f = first + k % 2; f < last; f += 2) problem.add({k, poses + f}, 3);
+  }
+  return problem;
+}
+
+TEST(Hubs, AreFeaturesThatManyPosesSee) {
+  EXPECT_TRUE(has_hubs(graph_of(features_along_a_strip(600, 40, 3))));
+  EXPECT_FALSE(has_hubs(graph_of(grid_problem(20, 20, 5))));
+  Links all;
+  for (Index v = 0; v < 30; ++v) {
+    for (Index u = 0; u < v; ++u) all.add(u, v);
+  }
+  EXPECT_FALSE(has_hubs(block_graph(30, all.cliques())));
+  EXPECT_FALSE(has_hubs(block_graph(3, Links().cliques())));
+}
+
+TEST(BlockOrdering, DissectsAmongHubsAtLittleCost) {
+  const Problem problem = features_along_a_strip(6000, 200, 4);
+  const std::vector<Index> order = ordered(problem, OrderingMethod::kAutomatic);
+  for (const int threads : {2, 3})
+    EXPECT_EQ(ordered(problem, OrderingMethod::kAutomatic, threads), order);
+  EXPECT_LT(flops(problem, OrderingMethod::kAutomatic),
+            1.2 * flops(problem, OrderingMethod::kMinimumDegree));
+}
+
 }  // namespace
 }  // namespace mapjoin
