@@ -90,7 +90,8 @@ class EliminationWalk {
       for (Piece<D>& piece : results_[c]) out.pieces.push_back(std::move(piece));
     }
     if (out.pieces.size() > 1)
-      out.pieces = place(graph_.variables, std::move(out.pieces), desks_[0]->places);
+      out.pieces =
+          place(graph_.variables, std::move(out.pieces), desks_[0]->places, loop_on(pool_));
     FrontalCholesky& cholesky = *desks_[0]->scratch.cholesky;
     for (Piece<D>& piece : out.pieces) {
       if (out.pieces.size() == 1 && piece.size() == graph_.variables.size()) {
@@ -178,7 +179,7 @@ class EliminationWalk {
     for (const std::int32_t child : cut.children) take(std::exchange(results_[at(child)], {}));
     for (auto& leaf : std::exchange(leaves_[at(number)], {})) take(std::move(leaf));
     take(lay_out(task, desk));
-    pieces = place(graph_.variables, std::move(pieces), desk.places);
+    pieces = place(graph_.variables, std::move(pieces), desk.places, loop);
     if (system_->structure().fronts[at(cut.root)].parent >= 0) {
       const bool whole = pieces.size() == 1;
       for (Piece<D>& piece : pieces) {

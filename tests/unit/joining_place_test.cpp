@@ -6,12 +6,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <numbers>
+#include <random>
 #include <vector>
 
 #include "mapjoin/graph/builtin_types.h"
 #include "mapjoin/joining/options.h"
 #include "mapjoin/joining/report.h"
+#include "mapjoin/joining/sharing.h"
+#include "mapjoin/solvers/pool_loop.h"
 
 namespace mapjoin::test {
 namespace {
@@ -159,6 +163,88 @@ TEST(Unite, KeepsTheFirstOfHeadingsThatContradictOneAnother) {
   Piece<2> out = unite(ring.all(), pieces, {1, 0}, SharedValue::kMean);
   EXPECT_EQ(angle_of(ring.rigid(out, 0)), angle_of(pose(1.0, 0.0, 0.6)));
   EXPECT_EQ(ring.rigid(out, 0).t(0), 1.0);
+}
+
+/// A chain of poses, and pieces that hold any of them, at x = their number.
+struct Scattered {
+  MeasurementGraph<2> graph;
+  std::vector<Piece<2>> pieces;
+
+  Scattered(int poses, const std::vector<double>& shares) {
+    MeasurementGraphBuilder<2> builder;
+    for (int k = 0; k + 1 < poses; ++k) {
+      const auto id = static_cast<std::uint64_t>(k);
+      builder.add<PoseType<2>>(pose_key(id), pose_key(id + 1), Rigid<2>(), Mat<3, 3>::Identity());
+    }
+    graph = std::move(builder).build();
+    std::mt19937 random(1);
+    for (const double share : shares) {
+      std::bernoulli_distribution holds(share);
+      std::vector<int> variables;
+      for (int v = 0; v < poses; ++v) {
+        if (holds(random)) variables.push_back(v);
+      }
+      Piece<2> piece = make_piece(graph.variables, variables);
+      for (int k = 0; k < piece.size(); ++k)
+        *reinterpret_cast<Rigid<2>*>(value_of(graph.variables, piece, k)) =
+            pose(variables[static_cast<std::size_t>(k)], 0.0, 0.0);
+      pieces.push_back(std::move(piece));
+    }
+  }
+};
+
+TEST(Unite, HoldsEveryVariableOnceAndInOrderForAnyNumberOfThreads) {
+  constexpr int kPoses = 70000;  // more than two bytes can count
+  for (const int threads : {1, 2, 5}) {
+    Scattered world(kPoses, {0.3, 0.001, 0.3, 0.0, 0.2});
+    std::vector<char> held(kPoses, 0);
+    for (const Piece<2>& piece : world.pieces) {
+      for (const int v : piece.variables) held[static_cast<std::size_t>(v)] = 1;
+    }
+    std::vector<int> expected;
+    for (int v = 0; v < kPoses; ++v) {
+      if (held[static_cast<std::size_t>(v)] != 0) expected.push_back(v);
+    }
+    WorkerPool pool(threads);
+    Piece<2> out = unite(world.graph.variables, world.pieces, {2, 0, 3, 4, 1}, SharedValue::kMean,
+                         loop_on(pool));
+    ASSERT_EQ(out.variables, expected);
+    for (int k = 0; k < out.size(); ++k) {
+      const double x = value_of(world.graph.variables, out, k)[4];  // R, then t
+      ASSERT_NEAR(x, expected[static_cast<std::size_t>(k)], 1e-9);
+    }
+  }
+}
+
+TEST(Sharing, ListsWhoHoldsWhatIsHeldMoreThanOnce) {
+  const Scattered world(500, {0.5, 0.02, 0.3, 0.0, 0.4, 0.02});
+  std::map<int, std::vector<std::array<int, 2>>> holders;  // of each variable: piece, place
+  for (int p = 0; p < 6; ++p) {
+    const Piece<2>& piece = world.pieces[static_cast<std::size_t>(p)];
+    for (int k = 0; k < piece.size(); ++k)
+      holders[piece.variables[static_cast<std::size_t>(k)]].push_back({p, k});
+  }
+  Places places(500);
+  const Sharing sharing(world.pieces, places);
+  for (int v = 0; v < 500; ++v) EXPECT_EQ(places[v], -1);
+  EXPECT_EQ(sharing.variables(),
+            std::ranges::count_if(holders, [](const auto& h) { return h.second.size() > 1; }));
+  for (int p = 0; p < 6; ++p) {
+    std::size_t next = 0;
+    for (const auto& [variable, list] : holders) {  // ascending, as places are
+      const auto own =
+          std::ranges::find_if(list, [&](const std::array<int, 2>& h) { return h[0] == p; });
+      if (own == list.end() || list.size() < 2) continue;
+      ASSERT_LT(next, sharing.of(p).size());
+      const Sharing::Shared shared = sharing.of(p)[next++];
+      EXPECT_EQ(shared.place, (*own)[1]);
+      std::vector<std::array<int, 2>> found;
+      for (const Sharing::Holder& h : sharing.holders(shared.number))
+        found.push_back({h.piece, h.place});
+      EXPECT_EQ(found, list);
+    }
+    EXPECT_EQ(next, sharing.of(p).size());
+  }
 }
 
 TEST(SubmapSizes, AreTwoUpToAMillionVariablesUnlessAskedFor) {
