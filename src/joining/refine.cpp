@@ -46,8 +46,8 @@ void take_step(const MeasurementGraph<D>& graph, Piece<D>& piece, const Eigen::V
   run_loop(chunks, loop_on(pool), chunk);
 }
 
-/// Of chi2: a step that promises no more hardly turns anything, and its matrix serves once more.
-constexpr double kSmallStep = 0.01;
+/// Of chi2: after a step that promises no more the matrix may serve once more.
+constexpr double kSmallStep = 0.5;
 /// Of the tolerance: a chord step that promises more would not be the last.
 constexpr double kChordReach = 30.0;
 
@@ -94,13 +94,17 @@ RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, Observati
   const auto factor_serves_again = [&](double chi2) {
     return promised_before >= 0.0 && promised_before <= kSmallStep * chi2;
   };
-  bool chord = factor_serves_again(last_solve.chi2 - last_solve.promised);
+  double chi2_expected = last_solve.chi2 - last_solve.promised;
+  bool chord = factor_serves_again(chi2_expected);
   while (result.solves < most_solves) {
     if (progress && !progress({"refine", static_cast<double>(result.solves) / most_solves})) {
       throw CancelledError("cancelled while refining");
     }
     std::optional<typename ObservationSystem<D>::Step> again;
-    if (chord) again = system.solve_again(piece, cholesky, pool, kChordReach * tolerance, d);
+    if (chord) {
+      const double most = kChordReach * tolerance * chi2_expected;
+      again = system.solve_again(piece, cholesky, pool, most, d);
+    }
     chord = again.has_value();
     const auto step = chord ? *again : solve(graph, piece, system, cholesky, pool, d);
     if (result.solves++ == 0) result.chi2_before = step.chi2;
@@ -122,6 +126,7 @@ RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, Observati
       d *= 0.5;
       if (halving == 0) ++result.shortened;
     }
+    chi2_expected = result.chi2;
     const bool whole = length == 1.0;
     if (last ||
         (whole && remainder(step.chi2 - result.chi2, promised, promised_before, chord) <= enough)) {

@@ -36,10 +36,10 @@ struct RefineResult {
 /// Without `last_solve`, that is of the same system with the same `cholesky`, the first step cannot
 /// be the last, but for a promise of next to nothing (a hundredth of the tolerance).
 ///
-/// After a solve that promised no more than a hundredth of chi2 hardly anything turns, and H hardly
-/// changes: its factor serves again, for the gradient of now (a chord step, at a third of the price
-/// or less). M is then about twice what it was for the solve before, whose m^2 the rate shows: four
-/// times the rate counts. Where elimination with the old factor promises more than thirty times the
+/// After a solve that promised no more than half of chi2 little turns, and H hardly changes: its
+/// factor serves again, for the gradient of now (a chord step, at a third of the price or less).
+/// M is then about twice what it was for the solve before, whose m^2 the rate shows: four times
+/// the rate counts. Where elimination with the old factor promises more than thirty times the
 /// tolerance, a whole solve follows at once; a chord step that would increase chi2 is not taken,
 /// and after one that misses its promise by more than a tenth whole solves follow.
 ///

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <numeric>
 
 #include "mapjoin/solvers/front_layout.h"
 
@@ -140,13 +141,20 @@ void FrontalCholesky::for_each_task(std::span<const FrontTask> tasks, WorkerPool
   });
 }
 
-void FrontalCholesky::eliminate(RhsAssembler assemble, WorkerPool& pool) {
+bool FrontalCholesky::eliminate(RhsAssembler assemble, WorkerPool& pool, double most) {
   const std::int64_t rows = scratch_rows(*structure_);
   scratch_.require(3 * rows * pool.threads());
   other_y_.resize(static_cast<std::size_t>(structure_->scalar_at.back()));
+  // The order in which threads add up may change the last digits, but not the answer.
+  const double far_more = 1.001 * most;
+  std::atomic<double> sum = 0.0;
   for_each_task(structure_->tasks, pool, [&](int thread, const FrontTask& task, LoopRunner) {
+    if (sum.load(std::memory_order_relaxed) > far_more) return;
     forward_substitute_fronts(task.begin, task.end, assemble, scratch_.data() + 3 * rows * thread);
+    const auto y = std::span(squared_y_).subspan(static_cast<std::size_t>(task.begin));
+    sum += std::accumulate(y.begin(), y.begin() + (task.end - task.begin), 0.0);
   });
+  return sum.load() <= far_more && squared_norm_of_y() <= most;
 }
 
 FactorStatus FrontalCholesky::factorize(const FrontalStructure& structure, Assembler assemble,

@@ -23,6 +23,7 @@
 #include <Eigen/Core>
 #include <atomic>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <type_traits>
@@ -97,18 +98,21 @@ class FrontalCholesky {
   }
 
   /// Eliminates another b with the factor there is, instead of the one that came with H: what
-  /// follows (solve, squared_norm_of_y) is about it. Reads the factor once.
+  /// follows (solve, squared_norm_of_y) is about it. Reads the factor once. Once the squared norm
+  /// of y exceeds `most`, what is left to do is left undone, and the result of no use: \returns
+  /// whether it did not.
   ///
   /// assemble(front, rhs, room) adds the share of structure().owned_by(front) to `rhs`, one entry
   /// for each row of the front, zero at first; `room` is for its own use, twice as long, zero too.
   /// Else as in factorize.
   template <class Assemble>
-  void eliminate(Assemble&& assemble, WorkerPool& pool) {
+  bool eliminate(Assemble&& assemble, WorkerPool& pool,
+                 double most = std::numeric_limits<double>::infinity()) {
     using Type = std::remove_reference_t<Assemble>;
     const auto call = [](const void* object, std::int32_t front, double* rhs, double* room) {
       (*static_cast<Type*>(const_cast<void*>(object)))(front, rhs, room);
     };
-    eliminate(RhsAssembler{.call = call, .object = std::addressof(assemble)}, pool);
+    return eliminate(RhsAssembler{.call = call, .object = std::addressof(assemble)}, pool, most);
   }
 
   /// x = H^-1 b for the assembled b, in the order of the variables: back substitution only.
@@ -175,7 +179,7 @@ class FrontalCholesky {
   };
 
   FactorStatus factorize(const FrontalStructure& structure, Assembler assemble, WorkerPool& pool);
-  void eliminate(RhsAssembler assemble, WorkerPool& pool);
+  bool eliminate(RhsAssembler assemble, WorkerPool& pool, double most);
   template <class Work>
   void for_each_task(std::span<const FrontTask> tasks, WorkerPool& pool, Work&& work);
   FactorStatus factorize_subtree(const FrontalStructure& structure, std::int32_t first,

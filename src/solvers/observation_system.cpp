@@ -278,11 +278,10 @@ auto ObservationSystem<D>::solve_again(const Piece<D>& piece, FrontalCholesky& c
   const auto assembler = [&](std::int32_t front, double* rhs, double* room) {
     assemble_rhs(front, rhs, room, piece);
   };
-  cholesky.eliminate(assembler, pool);
+  if (!cholesky.eliminate(assembler, pool, most)) return std::nullopt;
   Step step;
   for (const double c : front_chi2_) step.chi2 += c;
   step.predicted_decrease = cholesky.squared_norm_of_y();
-  if (!(step.predicted_decrease <= most * step.chi2)) return std::nullopt;
   increment.resize(structure_.statistics.scalars);
   cholesky.solve(increment, pool);
   return step;

@@ -56,8 +56,8 @@ class ObservationSystem {
 
   /// The same with the matrix of the last call of solve, whose factor `cholesky` still holds, and
   /// the right-hand side of now: a chord step. Near the minimum it is worth nearly as much as a
-  /// whole one, at a third of the price or less. Elimination alone tells what it promises: where
-  /// that is more than a fraction `most` of chi2, the rest is not done and nothing is returned.
+  /// whole one, at a third of the price or less. Elimination alone tells by how much chi2 would
+  /// fall: where that is more than `most`, the rest is not done and nothing is returned.
   std::optional<Step> solve_again(const Piece<D>& piece, FrontalCholesky& cholesky,
                                   WorkerPool& pool, double most, Eigen::VectorXd& increment);
 

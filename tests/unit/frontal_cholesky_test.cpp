@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <numeric>
 #include <random>
 #include <set>
@@ -246,7 +247,7 @@ TEST(FrontalCholesky, EliminatesAnotherRightHandSideWithTheFactorThereIs) {
       ASSERT_TRUE(cholesky.factorize(structure, problem.assembler(structure), pool).ok());
       VectorXd x(problem.scalars());
       for (int repeat = 0; repeat < 2; ++repeat) {  // nothing is used up
-        cholesky.eliminate(other.rhs_assembler(structure), pool);
+        EXPECT_TRUE(cholesky.eliminate(other.rhs_assembler(structure), pool));
         cholesky.solve(x, pool);
         EXPECT_LT((x - expected).norm(), 1e-9 * expected.norm());
         EXPECT_NEAR(cholesky.squared_norm_of_y(), b.dot(expected), 1e-9 * b.dot(expected));
@@ -254,6 +255,36 @@ TEST(FrontalCholesky, EliminatesAnotherRightHandSideWithTheFactorThereIs) {
         EXPECT_EQ(x, first);
       }
     }
+  }
+}
+
+TEST(FrontalCholesky, GivesUpARightHandSideThatPromisesMoreThanAsked) {
+  const Problem problem = grid_problem(40, 40, 3, 1);
+  const FrontalStructure structure = analyze(problem);
+  for (const int threads : {1, 2, 3}) {
+    WorkerPool pool(threads);
+    FrontalCholesky cholesky;
+    ASSERT_TRUE(cholesky.factorize(structure, problem.assembler(structure), pool).ok());
+    const double all = cholesky.squared_norm_of_y();
+    int fronts = 0;  // of one thread
+    const auto eliminate = [&](double most) {
+      fronts = 0;
+      const auto rhs = problem.rhs_assembler(structure);
+      return cholesky.eliminate(
+          [&](std::int32_t front, double* to, double* room) {
+            if (threads == 1) ++fronts;
+            rhs(front, to, room);
+          },
+          pool, most);
+    };
+    EXPECT_TRUE(eliminate((1.0 + 1e-9) * all));
+    EXPECT_NEAR(cholesky.squared_norm_of_y(), all, 1e-9 * all);
+    EXPECT_FALSE(eliminate((1.0 - 1e-6) * all));
+    EXPECT_FALSE(eliminate(0.1 * all));
+    if (threads == 1) {
+      EXPECT_LT(fronts, static_cast<int>(structure.fronts.size()));
+    }
+    EXPECT_FALSE(eliminate(std::numeric_limits<double>::quiet_NaN()));
   }
 }
 

@@ -121,7 +121,7 @@ TYPED_TEST(Observations, AreSolvedAgainWithTheOldMatrixAndTheNewGradient) {
       Eigen::VectorXd d;
       ASSERT_TRUE(system.solve(before, cholesky, pool, d).ok());
       EXPECT_FALSE(system.solve_again(now, cholesky, pool, 1e-9, d));  // promises more than that
-      const auto again = system.solve_again(now, cholesky, pool, 100.0, d);
+      const auto again = system.solve_again(now, cholesky, pool, 100.0 * normal.chi2, d);
       ASSERT_TRUE(again);
       const auto& step = *again;
       EXPECT_NEAR(step.chi2, normal.chi2, 1e-9 * normal.chi2);
