@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "benchmarks/tables.h"
+#include "mapjoin/cli/freed_memory.h"
 #include "mapjoin/graph/error.h"
 
 namespace mapjoin::benchmarks {
@@ -108,6 +109,7 @@ int run(const Arguments& a) {
 
 int main(int argc, char** argv) {
   using namespace mapjoin::benchmarks;
+  mapjoin::cli::keep_freed_memory();  // as our program does; for all contenders
   CLI::App app(kHelp, "mapjoin_benchmark");
   app.footer(kExamples);
   Arguments arguments;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "benchmarks/join_run.h"
+#include "mapjoin/cli/freed_memory.h"
 #include "mapjoin/graph/error.h"
 
 namespace mapjoin::benchmarks {
@@ -51,6 +52,7 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "usage: mapjoin_profile GRAPH.g2o|FOLDER|WORLD:POSES [SECONDS] [THREADS]\n");
     return 2;
   }
+  mapjoin::cli::keep_freed_memory();  // as our program does
   return mapjoin::benchmarks::run(argv[1], argc > 2 ? std::atof(argv[2]) : 5.0,
                                   argc > 3 ? std::max(1, std::atoi(argv[3])) : 1);
 }
