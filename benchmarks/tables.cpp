@@ -174,8 +174,8 @@ std::string markdown(std::span<const Comparison> comparisons, const ComparisonOp
              "Without initial values, against one factorisation (ordering, analysis, numbers, "
              "solve) of the\nfinal information matrix by CHOLMOD's fastest variant with at most so "
              "many threads, and Ceres\nfrom a spanning tree, stopped as soon as it is there. "
-             "Medians of {} runs, taken in turn, after one\nmore; what one frees stays in the process "
-             "for the next, so nobody pays for fresh pages. BLAS is\n`{}`.\n\n",
+             "Medians of {} runs, taken in turn, after one\nmore; what one frees stays in the "
+             "process for the next, so nobody pays for fresh pages. BLAS is\n`{}`.\n\n",
              options.repeat, blas_in_use()) +
          ratios(comparisons) + "## By phase\n\n" + phases(comparisons) + "## Checks\n\n" +
          checks(comparisons) + others(comparisons) +
