@@ -170,19 +170,19 @@ def scale(bench, report, options):
         runs, outputs = {1: [], 2: []}, {}
         for _ in range(GROWTH_RUNS[poses] if name == "manhattan" else 1):
             for threads in runs:
-                stats, out = bench.solve("solve", world, "--threads", threads)
+                stats, outputs[threads] = bench.solve("solve", world, "--threads", threads,
+                                                      output=f"{threads}.g2o")
                 runs[threads].append(stats)
-                outputs[threads] = out.read_bytes()
         for threads in runs:
             stats = sorted(runs[threads], key=lambda r: r["seconds"]["solve"])[len(runs[threads]) // 2]
             seconds[name, poses, threads] = statistics.median(
                 r["seconds"]["solve_processor" if threads == 1 else "solve"] for r in runs[threads])
             memory = stats["peak_memory_bytes"]
             if threads == 1:
-                whole, peak = outputs[1], memory
+                whole, peak = outputs[1].read_bytes(), memory
             holds = ""
             if threads == 2:
-                same = outputs[2] == whole
+                same = outputs[2].read_bytes() == whole
                 fits = poses < 10**6 or (stats["seconds"]["solve"] <= 40 and memory <= 6 * 2**30)
                 holds = report.check(same and fits, f"{name}, {poses:,} poses, two threads")
             rows.append([name, f"{poses:,}", f"{stats['measurements']:,}", str(threads), "",
