@@ -104,9 +104,9 @@ class TaskPlanner {
   double limit_ = 0;
 };
 
-// Gives update matrices their places. The matrices of a subtree lie in one stretch of memory,
-// [begin of the subtree, end_ when its root was placed); when its root is eliminated, only its
-// children's matrices are still needed there.
+// Gives update matrices their places. Of a subtree those outside the stacks lie in one stretch of
+// memory, [begin of the subtree, end_ when its root was placed); when its root is eliminated, only
+// its children's matrices are still needed there.
 class UpdatePlanner {
  public:
   explicit UpdatePlanner(FrontalStructure& structure)
@@ -118,44 +118,63 @@ class UpdatePlanner {
       if (fronts[f].parent >= 0) {
         odd_depth_[f] = static_cast<char>(1 - odd_depth_[fronts[f].parent]);
       }
-      // A view counts rows from the front's first, so its columns start before S; yet never before
-      // the workspace.
-      end_ = std::max<std::int64_t>(end_, whole_groups(fronts[f].pivot_dim));
+      lead_ = std::max<std::int64_t>(lead_, whole_groups(fronts[f].pivot_dim));
     }
   }
 
+  // Returns the doubles of the workspace.
   std::int64_t run() {
+    std::int64_t& stack = structure_.update_stack;
+    stack = 0;
+    for (const FrontTask& task : structure_.tasks) {
+      if (task.waits_for == 0) stack = std::max(stack, place_on_stacks(task));
+    }
+    end_ = stack + lead_;
     for (const FrontTask& task : structure_.tasks) {
       if (task.waits_for == 0) {
-        place_in_stacks(task);
+        place_roots(task);
       } else {
         for (Index f = task.begin; f < task.end; ++f) place_in_gap(f);
       }
     }
-    return end_;
+    return end_ - stack;
   }
 
  private:
+  // Used by another task than the one it comes from.
+  bool leaves(const Front& front, const FrontTask& task) const { return front.parent >= task.end; }
+
   // Within a task, fronts come one by one: two stacks, for fronts of even and of odd depth. When a
   // front is eliminated, its children's matrices are on top of the other stack than its own.
-  void place_in_stacks(const FrontTask& task) {
+  // Returns the room it takes.
+  std::int64_t place_on_stacks(const FrontTask& task) {
     std::array<std::int64_t, 2> top = {0, 0};
     std::array<std::int64_t, 2> peak = {0, 0};
     for (Index f = task.begin; f < task.end; ++f) {
       Front& front = structure_.fronts[f];
       const int stack = odd_depth_[f];
       front.update = top[stack];
-      top[stack] += update_size(front);
+      if (!leaves(front, task)) top[stack] += update_size(front);
       peak[stack] = std::max(peak[stack], top[stack]);
       const auto children = structure_.children_of(f);
       if (!children.empty()) top[1 - stack] = structure_.fronts[children.front()].update;
       if (front.parent < 0) top = {0, 0};  // a tree is done
     }
+    for (Index f = task.begin; f < task.end; ++f)
+      structure_.fronts[f].update += lead_ + (odd_depth_[f] ? peak[0] : 0);
+    return lead_ + peak[0] + peak[1];
+  }
+
+  // One after the other, above the stacks.
+  void place_roots(const FrontTask& task) {
+    const std::int64_t begin = end_;
     for (Index f = task.begin; f < task.end; ++f) {
-      structure_.fronts[f].update += end_ + (odd_depth_[f] ? peak[0] : 0);
-      subtree_begin_[f] = end_;
+      Front& front = structure_.fronts[f];
+      subtree_begin_[f] = begin;
+      if (!leaves(front, task)) continue;
+      front.update = end_;
+      end_ += update_size(front);
     }
-    end_ += peak[0] + peak[1];
   }
 
   // Above, several subtrees may be under way at a time, but nothing else works on memory of this
@@ -182,6 +201,9 @@ class UpdatePlanner {
   FrontalStructure& structure_;
   std::vector<std::int64_t> subtree_begin_;
   std::vector<char> odd_depth_;
+  // A view counts rows from the front's first, so its columns start before S; yet never before the
+  // memory it is in.
+  std::int64_t lead_ = 0;
   std::int64_t end_ = 0;
 };
 
@@ -240,11 +262,12 @@ void plan_memory(FrontalStructure& structure) {
       live -= update_size(fronts[child]);
   }
   statistics.live_update_bytes *= static_cast<std::int64_t>(sizeof(double));
-  const std::int64_t workspace_end = UpdatePlanner(structure).run();
+  const std::int64_t workspace = UpdatePlanner(structure).run();
   statistics.fronts = static_cast<std::int64_t>(fronts.size());
   statistics.scalars = structure.scalar_at.back();
   statistics.factor_bytes = factor_end * static_cast<std::int64_t>(sizeof(double));
-  statistics.workspace_bytes = workspace_end * static_cast<std::int64_t>(sizeof(double));
+  statistics.workspace_bytes = workspace * static_cast<std::int64_t>(sizeof(double));
+  statistics.stack_bytes = structure.update_stack * static_cast<std::int64_t>(sizeof(double));
 }
 
 }  // namespace mapjoin

@@ -34,9 +34,10 @@ std::vector<FrontTask> tasks_of_subtree(const FrontalStructure& structure, std::
 /// Gives every panel and every update matrix a fixed place; needs the tasks. Fills strides, offsets
 /// and the sizes in structure.statistics.
 //
-/// Each task has its own part of the workspace, with two stacks in it: fronts of even and of odd
-/// depth. A front's children are all on the other stack than its own update matrix, on top of it,
-/// when they are added and dropped; so nothing is ever moved.
+/// A task that waits for nobody needs most of its update matrices itself. They lie on two stacks
+/// side by side: fronts of even and of odd depth. A front's children are all on the other stack
+/// than its own update matrix, on top of it, when they are added and dropped; so nothing is ever
+/// moved. What other tasks need has a place of its own in the workspace.
 void plan_memory(FrontalStructure& structure);
 
 }  // namespace mapjoin

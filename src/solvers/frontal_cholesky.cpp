@@ -32,9 +32,9 @@ void clear_columns(const FrontView& front, int begin, int end) {
   }
 }
 
-/// Per thread: the diagonal of H in the rows of a front, then the bounds of its pivots.
-std::int64_t scratch_rows(const FrontalStructure& structure) {
-  return (structure.statistics.largest_front + 2 * kRowGroup) / kRowGroup * kRowGroup;
+/// Of a front's diagonal of H, bounds of its pivots, and what assembling a right-hand side takes.
+std::int64_t scratch_size(const FrontalStructure& structure) {
+  return 3 * ((structure.statistics.largest_front + 2 * kRowGroup) / kRowGroup * kRowGroup);
 }
 
 }  // namespace
@@ -44,30 +44,41 @@ void FrontalCholesky::require_memory(const FrontalStructure& structure, std::int
   structure_ = &structure;
   first_panel_ = first_panel;
   factor_.require(end_panel - first_panel);
-  scratch_.require(2 * scratch_rows(structure) * threads);
+  require_rooms(threads);
   squared_y_.resize(structure.fronts.size());
   other_y_.clear();
   first_failure_ = kNoFailure;
 }
 
+void FrontalCholesky::require_rooms(int threads) {
+  const auto count = static_cast<std::size_t>(threads);
+  if (rooms_.size() < count) rooms_.resize(count);
+  for (std::size_t t = 0; t < count; ++t) {
+    rooms_[t].scratch.require(scratch_size(*structure_));
+    rooms_[t].stack.require(structure_->update_stack);
+  }
+}
+
 /// For the update matrices of all fronts.
 void FrontalCholesky::require_workspace(const FrontalStructure& structure) {
-  first_update_ = 0;
+  first_update_ = structure.update_stack;
   workspace_.require(structure.statistics.workspace_bytes /
                      static_cast<std::int64_t>(sizeof(double)));
 }
 
 /// For those of a subtree, which lie anywhere in the workspace of all: only the stretch they take.
-/// So many small subtrees, one after the other, use the same memory, which stays in the cache.
+/// So many subtrees, one after the other, use the same memory, which stays in the cache.
 void FrontalCholesky::require_workspace(const FrontalStructure& structure, Index first,
                                         Index root) {
   std::int64_t begin = std::numeric_limits<std::int64_t>::max();
   std::int64_t end = 0;
   for (Index f = first; f <= root; ++f) {
     const Front& front = structure.fronts[f];
+    if (structure.is_on_stack(front)) continue;
     begin = std::min(begin, front.update - front.pivot_dim / kRowGroup * kRowGroup);
     end = std::max(end, front.update + update_size(front));
   }
+  if (begin > end) return;
   first_update_ = begin / kRowGroup * kRowGroup;
   workspace_.require(end - first_update_ + kRowGroup);  // a root has a place, if no matrix there
 }
@@ -79,12 +90,12 @@ void FrontalCholesky::reserve(const FrontalStructure& structure) {
 }
 
 /// One after another; what is finished may leave memory, some MB at a time.
-void FrontalCholesky::factor_fronts(Index begin, Index end, Assembler assemble, double* scratch,
-                                    LoopRunner loop) {
+void FrontalCholesky::factor_fronts(Index begin, Index end, Assembler assemble,
+                                    const ThreadRoom& room, LoopRunner loop) {
   if (begin >= end) return;
   std::int64_t unsettled = structure_->fronts[begin].panel - first_panel_;
   for (Index f = begin; f < end; ++f) {
-    factor_front(f, assemble, scratch, loop);
+    factor_front(f, assemble, room, loop);
     if (options_.residence.bytes >= 0) give_back_updates(f);
     const std::int64_t done = end_of_panel(structure_->fronts[f]) - first_panel_;
     if (done - unsettled < kPanelPortion && f + 1 < end) continue;
@@ -94,6 +105,7 @@ void FrontalCholesky::factor_fronts(Index begin, Index end, Assembler assemble, 
 }
 
 void FrontalCholesky::give_back_update(const Front& front) {
+  if (structure_->is_on_stack(front)) return;  // is used at once again
   const std::int64_t begin = front.update - first_update_;
   workspace_.give_back(begin, begin + std::int64_t{front.update_stride} * front.update_dim);
 }
@@ -101,8 +113,7 @@ void FrontalCholesky::give_back_update(const Front& front) {
 /// The update matrices below a front are added to it: their memory is free until the next time.
 void FrontalCholesky::give_back_updates(Index front) {
   for (const Index child : structure_->children_of(front)) {
-    const Front& below = structure_->fronts[child];
-    give_back_update(below);
+    give_back_update(structure_->fronts[child]);
   }
 }
 
@@ -112,16 +123,15 @@ FactorStatus FrontalCholesky::factorize_subtree(const FrontalStructure& structur
   require_memory(structure, structure.fronts[first].panel, end_of_panel(structure.fronts[root]),
                  pool.threads());
   require_workspace(structure, first, root);
-  if (pool.threads() == 1) {
-    factor_fronts(first, root + 1, assemble, scratch_.data(), loop);
+  std::vector<FrontTask> tasks;
+  if (pool.threads() > 1) tasks = tasks_of_subtree(structure, first, root);
+  if (tasks.size() <= 1) {  // on the caller's stack, where the root's update matrix is looked for
+    factor_fronts(first, root + 1, assemble, rooms_[0], loop);
     return status();
   }
-  const std::int64_t rows = scratch_rows(structure);
-  for_each_task(tasks_of_subtree(structure, first, root), pool,
-                [&](int thread, const FrontTask& task, LoopRunner inner) {
-                  factor_fronts(task.begin, task.end, assemble, scratch_.data() + 2 * rows * thread,
-                                inner);
-                });
+  for_each_task(tasks, pool, [&](int thread, const FrontTask& task, LoopRunner inner) {
+    factor_fronts(task.begin, task.end, assemble, rooms_[static_cast<std::size_t>(thread)], inner);
+  });
   return status();
 }
 
@@ -142,15 +152,15 @@ void FrontalCholesky::for_each_task(std::span<const FrontTask> tasks, WorkerPool
 }
 
 bool FrontalCholesky::eliminate(RhsAssembler assemble, WorkerPool& pool, double most) {
-  const std::int64_t rows = scratch_rows(*structure_);
-  scratch_.require(3 * rows * pool.threads());
+  require_rooms(pool.threads());
   other_y_.resize(static_cast<std::size_t>(structure_->scalar_at.back()));
   // The order in which threads add up may change the last digits, but not the answer.
   const double far_more = 1.001 * most;
   std::atomic<double> sum = 0.0;
   for_each_task(structure_->tasks, pool, [&](int thread, const FrontTask& task, LoopRunner) {
     if (sum.load(std::memory_order_relaxed) > far_more) return;
-    forward_substitute_fronts(task.begin, task.end, assemble, scratch_.data() + 3 * rows * thread);
+    forward_substitute_fronts(task.begin, task.end, assemble,
+                              rooms_[static_cast<std::size_t>(thread)]);
     const auto y = std::span(squared_y_).subspan(static_cast<std::size_t>(task.begin));
     sum += std::accumulate(y.begin(), y.begin() + (task.end - task.begin), 0.0);
   });
@@ -163,9 +173,8 @@ FactorStatus FrontalCholesky::factorize(const FrontalStructure& structure, Assem
                  structure.statistics.factor_bytes / static_cast<std::int64_t>(sizeof(double)),
                  pool.threads());
   require_workspace(structure);
-  const std::int64_t rows = scratch_rows(structure);
   for_each_task(structure.tasks, pool, [&](int thread, const FrontTask& task, LoopRunner loop) {
-    factor_fronts(task.begin, task.end, assemble, scratch_.data() + 2 * rows * thread, loop);
+    factor_fronts(task.begin, task.end, assemble, rooms_[static_cast<std::size_t>(thread)], loop);
   });
   return status();
 }
@@ -177,11 +186,12 @@ FactorStatus FrontalCholesky::status() const {
   return {.failed_variable = structure_->order[after - starts.begin() - 1]};
 }
 
-void FrontalCholesky::factor_front(Index f, Assembler assemble, double* scratch, LoopRunner loop) {
+void FrontalCholesky::factor_front(Index f, Assembler assemble, const ThreadRoom& room,
+                                   LoopRunner loop) {
   const Front& front = structure_->fronts[f];
   // Later fronts cannot change what failed first; earlier ones can, and are never skipped.
   if (front.first_scalar > first_failure_.load(std::memory_order_relaxed)) return;
-  const FrontView view(front, panel(front), update_place(front));
+  const FrontView view(front, panel(front), update_place(front, room));
   const auto children = structure_->children_of(f);
   if (loop.run != nullptr && front_flops(front.pivot_dim, front.update_dim) < kSharedFrontFlops)
     loop = {};
@@ -193,18 +203,19 @@ void FrontalCholesky::factor_front(Index f, Assembler assemble, double* scratch,
                           [&](int begin, int end) { clear_columns(view, begin, end); });
   }
   assemble.call(assemble.object, f, view);
-  double* const diagonal = scratch;
+  double* const diagonal = room.scratch.data();
   for (int j = 0; j < view.rows(); ++j) diagonal[j] = view.column(j)[j];
   for_each_column_range(view.rows(), loop, [&](int begin, int end) {
     for (const Index child : children) {
-      extend_add(view, update_of(structure_->fronts[child]), structure_->runs_of(child), begin,
-                 end);
+      extend_add(view, update_of(structure_->fronts[child], room), structure_->runs_of(child),
+                 begin, end);
     }
   });
   for (const Index child : children) {
-    extend_add_diagonal(diagonal, update_of(structure_->fronts[child]), structure_->runs_of(child));
+    extend_add_diagonal(diagonal, update_of(structure_->fronts[child], room),
+                        structure_->runs_of(child));
   }
-  std::copy(diagonal + front.pivot_dim, diagonal + view.rows(), update_of(front).diagonal());
+  std::copy(diagonal + front.pivot_dim, diagonal + view.rows(), update_of(front, room).diagonal());
 
   double* const smallest = diagonal + view.rows();
   for (int j = 0; j < front.pivot_dim; ++j)

@@ -173,6 +173,13 @@ class FrontalCholesky {
     const void* object;
   };
 
+  /// What each thread has for itself. The same stack serves one task after another, so it stays in
+  /// the cache.
+  struct ThreadRoom {
+    AlignedBuffer scratch;  ///< columns of the largest front
+    AlignedBuffer stack;    ///< update matrices that are used within their task
+  };
+
   struct RhsAssembler {
     void (*call)(const void* object, std::int32_t front, double* rhs, double* room);
     const void* object;
@@ -190,22 +197,27 @@ class FrontalCholesky {
   FactorStatus status() const;
   void require_memory(const FrontalStructure& structure, std::int64_t first_panel,
                       std::int64_t end_panel, int threads);
+  void require_rooms(int threads);
   void require_workspace(const FrontalStructure& structure);
   void require_workspace(const FrontalStructure& structure, std::int32_t first, std::int32_t root);
   double* panel(const Front& front) const { return factor_.data() + (front.panel - first_panel_); }
-  double* update_place(const Front& front) const {
-    return workspace_.data() + (front.update - first_update_);
+  double* update_place(const Front& front, const ThreadRoom& room) const {
+    return structure_->is_on_stack(front) ? room.stack.data() + front.update
+                                          : workspace_.data() + (front.update - first_update_);
   }
-  UpdateMatrix update_of(const Front& front) const { return {front, update_place(front)}; }
-  void factor_fronts(std::int32_t begin, std::int32_t end, Assembler assemble, double* scratch,
-                     LoopRunner loop);
+  UpdateMatrix update_of(const Front& front, const ThreadRoom& room) const {
+    return {front, update_place(front, room)};
+  }
+  void factor_fronts(std::int32_t begin, std::int32_t end, Assembler assemble,
+                     const ThreadRoom& room, LoopRunner loop);
   void give_back_update(const Front& front);
   void give_back_updates(std::int32_t front);
   void substitute_fronts(std::int32_t begin, std::int32_t end, double* x, double* local) const;
-  void factor_front(std::int32_t front, Assembler assemble, double* scratch, LoopRunner loop);
+  void factor_front(std::int32_t front, Assembler assemble, const ThreadRoom& room,
+                    LoopRunner loop);
   void forward_substitute_fronts(std::int32_t begin, std::int32_t end, RhsAssembler assemble,
-                                 double* local);
-  void forward_substitute(std::int32_t front, RhsAssembler assemble, double* local);
+                                 const ThreadRoom& room);
+  void forward_substitute(std::int32_t front, RhsAssembler assemble, const ThreadRoom& room);
   void back_substitute(std::int32_t front, double* x, double* local) const;
 
   FactorOptions options_;
@@ -214,10 +226,10 @@ class FrontalCholesky {
   std::int64_t first_panel_ = 0;   ///< offset in the structure of what lies first in factor_
   std::vector<double> squared_y_;  ///< per front
   std::vector<double> other_y_;    ///< of `eliminate`, in the order of elimination; else empty
-  AlignedBuffer workspace_;
+  AlignedBuffer workspace_;        ///< update matrices that wait for another task
   std::int64_t first_update_ = 0;  ///< offset in the structure of what lies first in workspace_
-  AlignedBuffer scratch_;
-  AlignedBuffer closing_;  ///< the dense system of close_subtree
+  std::vector<ThreadRoom> rooms_;  ///< per thread
+  AlignedBuffer closing_;          ///< the dense system of close_subtree
   TreeScheduler scheduler_;
   std::atomic<std::int32_t> first_failure_ = 0;  ///< in scalars of the elimination order
 };

@@ -23,30 +23,32 @@ using Index = std::int32_t;
 
 /// What the children leave of b comes the way the diagonal of H came when the factor was made: in
 /// the last column of their update matrices.
-void FrontalCholesky::forward_substitute(Index f, RhsAssembler assemble, double* local) {
+void FrontalCholesky::forward_substitute(Index f, RhsAssembler assemble, const ThreadRoom& room) {
+  double* const local = room.scratch.data();
   const Front& front = structure_->fronts[f];
   const Index rows = front.rows();
   const int row_end = (rows + kRowGroup - 1) / kRowGroup * kRowGroup;
   std::fill_n(local, row_end + 2 * rows, 0.0);
   assemble.call(assemble.object, f, local, local + row_end);
   for (const Index child : structure_->children_of(f)) {
-    extend_add_diagonal(local, update_of(structure_->fronts[child]), structure_->runs_of(child));
+    extend_add_diagonal(local, update_of(structure_->fronts[child], room),
+                        structure_->runs_of(child));
   }
   solve_pivots_forward(panel(front), front.panel_stride, front.pivot_dim, row_end, local);
   double sum = 0.0;
   for (int j = 0; j < front.pivot_dim; ++j) sum += local[j] * local[j];
   std::copy_n(local, front.pivot_dim, other_y_.data() + front.first_scalar);
   squared_y_[static_cast<std::size_t>(f)] = sum;
-  std::copy(local + front.pivot_dim, local + rows, update_of(front).diagonal());
+  std::copy(local + front.pivot_dim, local + rows, update_of(front, room).diagonal());
 }
 
 /// From the first to the last; where the factor is on disk, what has been read leaves memory again.
 void FrontalCholesky::forward_substitute_fronts(Index begin, Index end, RhsAssembler assemble,
-                                                double* local) {
+                                                const ThreadRoom& room) {
   if (begin >= end) return;
   std::int64_t used = structure_->fronts[begin].panel - first_panel_;
   for (Index f = begin; f < end; ++f) {
-    forward_substitute(f, assemble, local);
+    forward_substitute(f, assemble, room);
     if (options_.residence.bytes >= 0) give_back_updates(f);
     const std::int64_t done = end_of_panel(structure_->fronts[f]) - first_panel_;
     if (!factor_.on_disk() || (done - used < kPanelPortion && f + 1 < end)) continue;

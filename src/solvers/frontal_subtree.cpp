@@ -18,7 +18,7 @@ constexpr double kSmallestHeldPivot = 1e-13;
 Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>> FrontalCholesky::update_matrix(
     Index root) const {
   const Front& front = structure_->fronts[root];
-  const UpdateMatrix S = update_of(front);
+  const UpdateMatrix S = update_of(front, rooms_[0]);
   return {S.column(0), S.size(), S.size(), Eigen::OuterStride<>(front.update_stride)};
 }
 
@@ -38,7 +38,7 @@ bool FrontalCholesky::close_subtree(Index first, Index root, std::span<const Ind
     const std::int64_t size = std::int64_t{row_end} * (q + 3);
     double* const memory = closing_.require(size);
     const FrontView view(front, memory, memory);
-    const UpdateMatrix S = update_of(s.fronts[root]);
+    const UpdateMatrix S = update_of(s.fronts[root], rooms_[0]);
     for (Index j = 0; j < q; ++j) {
       double* const to = view.column(j);
       std::fill(to, to + row_end, 0.0);
@@ -63,7 +63,7 @@ bool FrontalCholesky::close_subtree(Index first, Index root, std::span<const Ind
     if (options_.residence.bytes >= 0) closing_.give_back(0, size);
   }
   if (pool.threads() == 1) {
-    substitute_fronts(first, root + 1, by_position.data(), scratch_.data());
+    substitute_fronts(first, root + 1, by_position.data(), rooms_[0].scratch.data());
   } else {
     substitute_tasks(tasks_of_subtree(s, first, root), by_position.data(), pool);
   }

@@ -38,7 +38,8 @@ struct Front {
   std::int32_t panel_stride = 0;  ///< leading dimension of the panel
   std::int32_t update_stride = 0;
   std::int64_t panel = 0;  ///< offset of the panel in the factor
-  /// Offset of S in the workspace; its columns start at row p rounded down to a whole kRowGroup.
+  /// Place of S (see FrontalStructure::update_stack); its columns start at row p rounded down to a
+  /// whole kRowGroup.
   std::int64_t update = 0;
 
   /// Without the right-hand side row, which is row rows().
@@ -71,11 +72,12 @@ struct FrontTask {
 struct FactorStatistics {
   std::int64_t fronts = 0;
   std::int64_t scalars = 0;
-  std::int64_t factor_nonzeros = 0;    ///< of L, with the zeros that merging fronts made explicit
-  double flops = 0;                    ///< of one numeric factorization
-  std::int32_t largest_front = 0;      ///< rows
-  std::int64_t factor_bytes = 0;       ///< kept
-  std::int64_t workspace_bytes = 0;    ///< for update matrices; kept for the next factorization
+  std::int64_t factor_nonzeros = 0;  ///< of L, with the zeros that merging fronts made explicit
+  double flops = 0;                  ///< of one numeric factorization
+  std::int32_t largest_front = 0;    ///< rows
+  std::int64_t factor_bytes = 0;     ///< kept
+  /// For update matrices of all tasks, and of each thread; kept for the next factorization.
+  std::int64_t workspace_bytes = 0, stack_bytes = 0;
   std::int64_t live_update_bytes = 0;  ///< of those that wait for their parent, at most, one thread
 };
 
@@ -98,6 +100,10 @@ struct FrontalStructure {
   std::vector<std::int32_t> clique_row;    ///< per entry of Cliques::vars: row in the owner's front
 
   std::vector<FrontTask> tasks;  ///< children before parents
+  /// Doubles. Update matrices with places below lie on a stack that each thread has for itself:
+  /// they are used by the task they come from. Those above lie in a workspace of all threads.
+  std::int64_t update_stack = 0;
+  bool is_on_stack(const Front& front) const { return front.update < update_stack; }
   FactorStatistics statistics;
 
   std::span<const std::int32_t> children_of(std::int32_t front) const {
