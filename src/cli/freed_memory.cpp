@@ -11,8 +11,8 @@ namespace mapjoin::cli {
 void keep_freed_memory() {
 #if defined(__GLIBC__)
   constexpr int kMiB = 1 << 20;
-  mallopt(M_MMAP_THRESHOLD, 32 * kMiB);  // the most it takes; larger arrays come and go as ever
-  mallopt(M_TRIM_THRESHOLD, -1);         // never
+  mallopt(M_MMAP_MAX, 0);         // arrays of more than 32 MiB would come and go, whatever is asked
+  mallopt(M_TRIM_THRESHOLD, -1);  // never
   mallopt(M_TOP_PAD, 64 * kMiB);
 #endif
 }
