@@ -37,7 +37,9 @@ FactorResidence factor_residence(const JoinOptions& options, const FactorStatist
                                  int holders) {
   if (options.memory_limit <= 0) return {};
   const std::int64_t largest = statistics.largest_front;
-  const std::int64_t each = statistics.live_update_bytes + largest * largest * 8 + kSmallest;
+  // A thread has a stack for subtrees of its own, which it keeps, and one for the root's factor.
+  const std::int64_t each =
+      statistics.live_update_bytes + statistics.stack_bytes + largest * largest * 8 + kSmallest;
   const std::int64_t needed =
       resident_memory() + statistics.scalars * kDoublesPerScalar * 8 + each * threads_of(options);
   // A twentieth is for what allocators keep.
