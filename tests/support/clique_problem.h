@@ -176,4 +176,10 @@ inline CliqueProblem grid_problem(int rows, int columns, int dim, unsigned seed 
   return problem;
 }
 
+inline FrontalStructure analyze(const CliqueProblem& problem, const OrderingOptions& ordering = {},
+                                const MergingOptions& merging = {}) {
+  return mapjoin::analyze(problem.dims(), problem.cliques(),
+                          order_blocks(problem.dims(), problem.cliques(), ordering), merging);
+}
+
 }  // namespace mapjoin::testing_support

@@ -7,19 +7,13 @@
 #include <utility>
 #include <vector>
 
-#include "mapjoin/solvers/block_ordering.h"
 #include "tests/support/clique_problem.h"
 
 namespace mapjoin {
 namespace {
 
+using testing_support::analyze;
 using testing_support::grid_problem;
-using Problem = testing_support::CliqueProblem;
-
-FrontalStructure analyze(const Problem& problem) {
-  return mapjoin::analyze(problem.dims(), problem.cliques(),
-                          order_blocks(problem.dims(), problem.cliques()));
-}
 
 using Place = std::pair<std::int64_t, std::int64_t>;  // begin, end
 
@@ -77,6 +71,15 @@ TEST(FrontLayout, PutsOnStacksWhatTheSameTaskUsesAndNothingElse) {
   EXPECT_GT(in_workspace, 0);
 }
 
+/// Of a task's update matrices that are not on a stack.
+std::vector<Place> workspace_places(const FrontalStructure& s, const FrontTask& task) {
+  std::vector<Place> places;
+  for (std::int32_t f = task.begin; f < task.end; ++f) {
+    if (!s.is_on_stack(s.fronts[static_cast<std::size_t>(f)])) places.push_back(place_of(s, f));
+  }
+  return places;
+}
+
 /// Tasks that do not wait for one another may run at the same time.
 TEST(FrontLayout, KeepsTasksThatMayRunAtTheSameTimeApartInTheWorkspace) {
   const FrontalStructure s = analyze(grid_problem(40, 90, 2));
@@ -85,19 +88,16 @@ TEST(FrontLayout, KeepsTasksThatMayRunAtTheSameTimeApartInTheWorkspace) {
     while (b >= 0 && b < a) b = s.tasks[static_cast<std::size_t>(b)].parent;
     return a == b;
   };
+  std::vector<std::vector<Place>> places;
+  for (const FrontTask& task : s.tasks) places.push_back(workspace_places(s, task));
   int pairs = 0;
   for (int a = 0; a < tasks; ++a) {
     for (int b = 0; b < a; ++b) {
       if (is_above(a, b)) continue;
       ++pairs;
-      for (std::int32_t f = s.tasks[static_cast<std::size_t>(a)].begin;
-           f < s.tasks[static_cast<std::size_t>(a)].end; ++f) {
-        if (s.is_on_stack(s.fronts[static_cast<std::size_t>(f)])) continue;
-        for (std::int32_t g = s.tasks[static_cast<std::size_t>(b)].begin;
-             g < s.tasks[static_cast<std::size_t>(b)].end; ++g) {
-          if (s.is_on_stack(s.fronts[static_cast<std::size_t>(g)])) continue;
-          EXPECT_FALSE(overlap(place_of(s, f), place_of(s, g))) << f << " " << g;
-        }
+      for (const Place& one : places[static_cast<std::size_t>(a)]) {
+        for (const Place& other : places[static_cast<std::size_t>(b)])
+          EXPECT_FALSE(overlap(one, other)) << "tasks " << a << " and " << b;
       }
     }
   }

@@ -22,16 +22,11 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+using testing_support::analyze;
 using testing_support::grid_problem;
 using testing_support::random_dims;
 using testing_support::random_problem;
 using Problem = testing_support::CliqueProblem;
-
-FrontalStructure analyze(const Problem& problem, const OrderingOptions& ordering = {},
-                         const MergingOptions& merging = {}) {
-  return mapjoin::analyze(problem.dims(), problem.cliques(),
-                          order_blocks(problem.dims(), problem.cliques(), ordering), merging);
-}
 
 VectorXd solve(const Problem& problem, const FrontalStructure& structure, int threads = 1) {
   WorkerPool pool(threads);
