@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <numeric>
 #include <vector>
 
 #include "mapjoin/solvers/extend_add.h"
@@ -18,6 +19,25 @@ namespace mapjoin {
 namespace {
 
 using Index = std::int32_t;
+
+/// Sorts tasks, parents before children, for several threads to go down the trees: the longest way
+/// from a task's start to the last leaf below it first. A thread whose subtrees hang from a path
+/// that another one goes down then need not wait until that one has done what else hangs there.
+void go_downwards(std::span<const FrontTask> tasks, std::vector<Index>& order) {
+  std::vector<double> way_down(tasks.size(), 0.0);
+  for (std::size_t t = 0; t < tasks.size(); ++t) {
+    const FrontTask& task = tasks[t];
+    if (task.parent < 0) {
+      way_down[t] += task.path_cost;
+      continue;
+    }
+    const auto parent = static_cast<std::size_t>(task.parent);
+    way_down[t] += task.path_cost - tasks[parent].path_cost;
+    way_down[parent] = std::max(way_down[parent], way_down[t]);
+  }
+  std::stable_sort(order.begin(), order.end(),
+                   [&](Index a, Index b) { return way_down[a] > way_down[b]; });
+}
 
 }  // namespace
 
@@ -94,16 +114,20 @@ void FrontalCholesky::substitute_fronts(Index begin, Index end, double* x, doubl
 void FrontalCholesky::substitute_tasks(std::span<const FrontTask> tasks, double* by_position,
                                        WorkerPool& pool) const {
   const auto rows = static_cast<std::size_t>(structure_->statistics.largest_front + 2 * kRowGroup);
-  // Tasks are taken from the last to the first, each thread's own before those of others. A task
-  // waits for its parent; of the tasks that are not done the last one waits for nobody, and its
-  // owner or whoever took it comes to it next: so nobody waits forever.
+  // Tasks are taken in one order, each thread's own before those of others. A task waits for its
+  // parent; of the tasks that are not done the first one waits for nobody, and its owner or whoever
+  // took it comes to it next: so nobody waits forever.
   std::vector<Index> owner;
   share_tasks(tasks, pool.threads(), owner);
+  std::vector<Index> order(tasks.size());
+  std::iota(order.rbegin(), order.rend(), 0);
+  if (pool.threads() > 1) go_downwards(tasks, order);
   std::vector<std::atomic<bool>> taken(tasks.size()), done(tasks.size());
   pool.run([&](int thread) {
     std::vector<double> local(rows);
     for (const bool own : {true, false}) {
-      for (std::size_t t = tasks.size(); t-- > 0;) {
+      for (const Index next : order) {
+        const auto t = static_cast<std::size_t>(next);
         if ((owner[t] == thread) != own || taken[t].exchange(true, std::memory_order_relaxed))
           continue;
         const FrontTask& task = tasks[t];
