@@ -6,10 +6,10 @@
 #include <string>
 
 #include "mapjoin/graph/error.h"
-#include "mapjoin/solvers/elimination_tree.h"
 #include "mapjoin/solvers/metis_turn.h"
 #include "mapjoin/solvers/minimum_degree.h"
 #include "mapjoin/solvers/nested_dissection.h"
+#include "mapjoin/solvers/symbolic_elimination.h"
 
 namespace mapjoin {
 namespace {
@@ -54,7 +54,7 @@ std::vector<Index> dissect(const ReducedGraph& reduced, int seed, WorkerPool* po
                       nested_dissection(reduced.graph, seed, pool != nullptr ? *pool : alone));
 }
 
-std::vector<Index> automatic_order(std::span<const Index> dims, Cliques cliques,
+std::vector<Index> automatic_order(std::span<const Index> dims, const BlockGraph& graph,
                                    const ReducedGraph& reduced, int seed, WorkerPool* pool) {
   if (reduced.graph.size() >= kLargeGraph ||
       (reduced.graph.size() >= kSmallGraph && has_hubs(reduced.graph)))
@@ -67,10 +67,10 @@ std::vector<Index> automatic_order(std::span<const Index> dims, Cliques cliques,
   const double block =
       std::accumulate(dims.begin(), dims.end(), 0.0) / static_cast<double>(dims.size());
   if (2.0 * quick.multiplications * block * block * block < enough) return order;
-  const double flops = elimination_flops(dims, cliques, order);
+  const double flops = elimination_flops(dims, graph, order);
   if (flops < enough) return order;
   std::vector<Index> dissected = dissect(reduced, seed, pool);
-  return elimination_flops(dims, cliques, dissected) < flops ? dissected : order;
+  return elimination_flops(dims, graph, dissected) < flops ? dissected : order;
 }
 
 }  // namespace
@@ -80,7 +80,7 @@ std::vector<std::int32_t> order_blocks_in_two(std::span<const char> late, Clique
   return minimum_degree_in_two(late, block_graph(static_cast<Index>(late.size()), cliques));
 }
 
-std::vector<std::int32_t> order_blocks(std::span<const std::int32_t> dims, Cliques cliques,
+std::vector<std::int32_t> order_blocks(std::span<const std::int32_t> dims, const BlockGraph& graph,
                                        const OrderingOptions& options, WorkerPool* pool) {
   if (dims.empty()) return {};
   if (options.method == OrderingMethod::kNatural) {
@@ -88,15 +88,17 @@ std::vector<std::int32_t> order_blocks(std::span<const std::int32_t> dims, Cliqu
     std::iota(order.begin(), order.end(), 0);
     return order;
   }
-  BlockGraph graph = block_graph(static_cast<Index>(dims.size()), cliques);
-  if (options.method == OrderingMethod::kMetis)
-    return metis_order(dims, std::move(graph), options.seed);
-  if (options.method == OrderingMethod::kMinimumDegree)
-    return minimum_degree(std::move(graph)).order;
-  const ReducedGraph reduced = eliminate_chains(std::move(graph));
+  if (options.method == OrderingMethod::kMetis) return metis_order(dims, graph, options.seed);
+  if (options.method == OrderingMethod::kMinimumDegree) return minimum_degree(graph).order;
+  const ReducedGraph reduced = eliminate_chains(graph);
   return options.method == OrderingMethod::kNestedDissection
              ? dissect(reduced, options.seed, pool)
-             : automatic_order(dims, cliques, reduced, options.seed, pool);
+             : automatic_order(dims, graph, reduced, options.seed, pool);
+}
+
+std::vector<std::int32_t> order_blocks(std::span<const std::int32_t> dims, Cliques cliques,
+                                       const OrderingOptions& options, WorkerPool* pool) {
+  return order_blocks(dims, block_graph(static_cast<Index>(dims.size()), cliques), options, pool);
 }
 
 }  // namespace mapjoin

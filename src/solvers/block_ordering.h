@@ -40,6 +40,9 @@ std::vector<std::int32_t> order_blocks_in_two(std::span<const char> late, Clique
 /// Returns `order`: order[k] is the variable eliminated k-th. `dims` (one entry per variable, at
 /// least 1) weigh the variables for METIS. Deterministic, and the same for any number of threads;
 /// without a pool, one. Errors as block_graph; Error when METIS fails.
+std::vector<std::int32_t> order_blocks(std::span<const std::int32_t> dims, const BlockGraph& graph,
+                                       const OrderingOptions& options = {},
+                                       WorkerPool* pool = nullptr);
 std::vector<std::int32_t> order_blocks(std::span<const std::int32_t> dims, Cliques cliques,
                                        const OrderingOptions& options = {},
                                        WorkerPool* pool = nullptr);

@@ -9,55 +9,25 @@ namespace {
 
 using Index = std::int32_t;
 
-// Supernodes with the tree among them, merged in place: `alive` ones are the fronts.
-struct SupernodeTree {
-  std::vector<Index>
-      first_column;  // supernode s holds columns first_column[s] .. first_column[s + 1] - 1
+// The tree of supernodes while it is merged: `alive` ones are the fronts.
+struct MergedTree {
+  explicit MergedTree(const SupernodeTree& tree)
+      : parent(tree.parent),
+        pivot_dim(tree.pivot_dim),
+        update_dim(tree.update_dim),
+        alive(tree.parent.size(), 1) {}
+
   std::vector<Index> parent;
   std::vector<Index> pivot_dim;
-  std::vector<Index> update_dim;
-  std::vector<Index> update_blocks;
+  std::span<const Index> update_dim;
   std::vector<char> alive;
 
   Index size() const { return static_cast<Index>(parent.size()); }
 };
 
-// Column j joins the supernode of column j - 1 when that is its child and has just one column more
-// in its pattern.
-SupernodeTree find_supernodes(std::span<const Index> dim, std::span<const Index> parent,
-                              std::span<const ColumnCount> count) {
-  const auto n = static_cast<Index>(parent.size());
-  SupernodeTree tree;
-  std::vector<Index> supernode_of(parent.size());
-  for (Index j = 0; j < n; ++j) {
-    const bool joins =
-        j > 0 && parent[j - 1] == j && count[j - 1].scalars == count[j].scalars + dim[j - 1];
-    if (!joins) {
-      tree.first_column.push_back(j);
-      tree.pivot_dim.push_back(0);
-    }
-    supernode_of[j] = static_cast<Index>(tree.pivot_dim.size()) - 1;
-    tree.pivot_dim.back() += dim[j];
-  }
-  const std::size_t supernodes = tree.pivot_dim.size();
-  tree.first_column.push_back(n);
-  tree.parent.resize(supernodes);
-  tree.update_dim.resize(supernodes);
-  tree.update_blocks.resize(supernodes);
-  tree.alive.assign(supernodes, 1);
-  for (std::size_t s = 0; s < supernodes; ++s) {
-    const Index last = tree.first_column[s + 1] - 1;
-    tree.parent[s] = parent[last] < 0 ? -1 : supernode_of[parent[last]];
-    tree.update_dim[s] = count[last].scalars - dim[last];
-    tree.update_blocks[s] = count[last].blocks - 1;
-  }
-  return tree;
-}
-
 // Bottom-up; each parent takes in, largest update set (fewest new zeros) first, the children that
 // pay. `own_cost`, of each supernode, becomes that of each live one.
-void merge_supernodes(SupernodeTree& tree, const FrontCostModel& cost,
-                      std::vector<double>& own_cost) {
+void merge_supernodes(MergedTree& tree, const FrontCostModel& cost, std::vector<double>& own_cost) {
   const Index size = tree.size();
   std::vector<Index> child_start(static_cast<std::size_t>(size) + 1, 0);
   for (const Index p : tree.parent) {
@@ -96,7 +66,7 @@ void merge_supernodes(SupernodeTree& tree, const FrontCostModel& cost,
 }
 
 // Postorder of the live supernodes in which the child of the costliest subtree comes last.
-std::vector<Index> heaviest_last_postorder(const SupernodeTree& tree,
+std::vector<Index> heaviest_last_postorder(const MergedTree& tree,
                                            std::span<const double> own_cost) {
   const Index size = tree.size();
   std::vector<double> subtree(static_cast<std::size_t>(size), 0.0);
@@ -155,36 +125,31 @@ double front_flops(double pivots, double updates) {
   return 3 * p + sum_m + (sum_m2 + 3 * sum_m);
 }
 
-FrontPartition partition_into_fronts(std::span<const std::int32_t> column_dim,
-                                     std::span<const std::int32_t> parent,
-                                     std::span<const ColumnCount> count,
+FrontPartition partition_into_fronts(const SupernodeTree& supernodes,
                                      const MergingOptions& options) {
-  SupernodeTree tree = find_supernodes(column_dim, parent, count);
+  MergedTree tree(supernodes);
   std::vector<double> own_cost(static_cast<std::size_t>(tree.size()));
   for (Index s = 0; s < tree.size(); ++s)
     own_cost[s] = options.cost(tree.pivot_dim[s], tree.update_dim[s]);
   if (options.merge_fronts) merge_supernodes(tree, options.cost, own_cost);
-  const std::vector<Index> order = heaviest_last_postorder(tree, own_cost);
 
   FrontPartition result;
+  result.supernode = heaviest_last_postorder(tree, own_cost);
   std::vector<Index> number(static_cast<std::size_t>(tree.size()), -1);
-  for (std::size_t f = 0; f < order.size(); ++f) number[order[f]] = static_cast<Index>(f);
-  for (auto* const list :
-       {&result.parent, &result.pivot_dim, &result.update_dim, &result.update_blocks})
-    list->reserve(order.size());
-  for (const Index s : order) {
+  for (std::size_t f = 0; f < result.supernode.size(); ++f)
+    number[result.supernode[f]] = static_cast<Index>(f);
+  result.parent.reserve(result.supernode.size());
+  result.pivot_dim.reserve(result.supernode.size());
+  for (const Index s : result.supernode) {
     result.parent.push_back(tree.parent[s] < 0 ? -1 : number[tree.parent[s]]);
     result.pivot_dim.push_back(tree.pivot_dim[s]);
-    result.update_dim.push_back(tree.update_dim[s]);
-    result.update_blocks.push_back(tree.update_blocks[s]);
   }
-  result.front_of.resize(parent.size());
   // A supernode that was merged belongs to the front its (already lifted) parent belongs to.
   for (Index s = tree.size() - 1; s >= 0; --s) {
     if (!tree.alive[s]) number[s] = number[tree.parent[s]];
-    for (Index j = tree.first_column[s]; j < tree.first_column[s + 1]; ++j)
-      result.front_of[j] = number[s];
   }
+  result.front_of.reserve(supernodes.of.size());
+  for (const Index s : supernodes.of) result.front_of.push_back(number[s]);
   return result;
 }
 

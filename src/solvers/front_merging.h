@@ -11,7 +11,7 @@
 #include <span>
 #include <vector>
 
-#include "mapjoin/solvers/elimination_tree.h"
+#include "mapjoin/solvers/symbolic_elimination.h"
 
 namespace mapjoin {
 
@@ -43,21 +43,17 @@ struct MergingOptions {
 /// Fronts as sets of positions, in an order where children come before parents and subtrees are
 /// contiguous.
 struct FrontPartition {
-  std::vector<std::int32_t> front_of;  ///< per position
-  std::vector<std::int32_t> parent;    ///< per front; -1 at a root
-  std::vector<std::int32_t> pivot_dim;
-  std::vector<std::int32_t> update_dim;
-  std::vector<std::int32_t> update_blocks;
+  std::vector<std::int32_t> front_of;   ///< per position
+  std::vector<std::int32_t> parent;     ///< per front; -1 at a root
+  std::vector<std::int32_t> pivot_dim;  ///< per front
+  std::vector<std::int32_t> supernode;  ///< per front: the one whose update set it has
 
   std::int32_t fronts() const { return static_cast<std::int32_t>(parent.size()); }
 };
 
-/// `column_dim`, `parent` and `count` are by position, postordered. Cost: O(positions).
-/// Deterministic. The child with the largest subtree comes last among its siblings: what it leaves
-/// is then still in cache, and a path is a run of indices.
-FrontPartition partition_into_fronts(std::span<const std::int32_t> column_dim,
-                                     std::span<const std::int32_t> parent,
-                                     std::span<const ColumnCount> count,
+/// Cost: O(positions). Deterministic. The child with the largest subtree comes last among its
+/// siblings: what it leaves is then still in cache, and a path is a run of indices.
+FrontPartition partition_into_fronts(const SupernodeTree& supernodes,
                                      const MergingOptions& options);
 
 }  // namespace mapjoin

@@ -6,9 +6,9 @@
 #include <string>
 
 #include "mapjoin/graph/error.h"
-#include "mapjoin/solvers/elimination_tree.h"
 #include "mapjoin/solvers/front_layout.h"
 #include "mapjoin/solvers/pool_loop.h"
+#include "mapjoin/solvers/symbolic_elimination.h"
 
 namespace mapjoin {
 namespace {
@@ -35,20 +35,25 @@ std::vector<Index> running_sums(std::span<const Index> dims, IndexOf index) {
 class Analysis {
  public:
   Analysis(std::span<const Index> dims, Cliques cliques, std::span<const Index> order,
-           const MergingOptions& options, Index eliminated, WorkerPool* pool)
-      : cliques_(cliques), options_(options), eliminated_(eliminated), pool_(pool) {
+           const MergingOptions& options, Index eliminated, const BlockGraph* graph,
+           WorkerPool* pool)
+      : cliques_(cliques), options_(options), eliminated_(eliminated), graph_(graph), pool_(pool) {
     if (order.size() != dims.size())
       throw InputError("analyze: the order has another size than dims");
     s_.dims.assign(dims.begin(), dims.end());
     s_.order.assign(order.begin(), order.end());
-    s_.position = inverse_permutation(order);
+    given_position_ = inverse_permutation(order);
     s_.scalar_of = running_sums(dims, [](std::size_t v) { return v; });
   }
 
   FrontalStructure run() {
-    stars_ = clique_stars(s_.position, cliques_, pool_);
-    form_fronts();
-    list_children();
+    run_both(
+        pool_,
+        [&] {
+          form_fronts();
+          list_children();
+        },
+        [&] { find_owners(); });
     run_both(
         pool_, [&] { list_updates(); },
         [&] {
@@ -65,24 +70,20 @@ class Analysis {
   Index dim_at(Index position) const { return s_.scalar_at[position + 1] - s_.scalar_at[position]; }
 
   void form_fronts() {
-    std::vector<Index> parent = elimination_tree(s_.order, s_.position, stars_);
-    if (eliminated_ >= 0) {  // cut off what stays: roots by themselves, which couple nothing
-      for (Index& p : parent) p = p < eliminated_ ? p : -1;
-    }
-    apply_postorder(s_.order, s_.position, parent);
-    std::vector<Index> column_dim(s_.order.size());
-    for (std::size_t k = 0; k < column_dim.size(); ++k) column_dim[k] = s_.dims[s_.order[k]];
-    const auto count = column_counts(column_dim, s_.order, s_.position, parent, stars_);
-    const FrontPartition partition = partition_into_fronts(column_dim, parent, count, options_);
-
+    supernodes_ = eliminate_symbolically(
+        s_.dims, graph_ != nullptr ? *graph_ : star_graph(given_position_, cliques_), s_.order,
+        given_position_, eliminated_);
+    FrontPartition partition = partition_into_fronts(supernodes_, options_);
     s_.fronts.resize(static_cast<std::size_t>(partition.fronts()));
     s_.update_start.assign(s_.fronts.size() + 1, 0);
     for (Index f = 0; f < front_count(); ++f) {
+      const Index s = partition.supernode[f];
       s_.fronts[f].parent = partition.parent[f];
       s_.fronts[f].pivot_dim = partition.pivot_dim[f];
-      s_.fronts[f].update_dim = partition.update_dim[f];
-      s_.update_start[f + 1] = s_.update_start[f] + partition.update_blocks[f];
+      s_.fronts[f].update_dim = supernodes_.update_dim[s];
+      s_.update_start[f + 1] = s_.update_start[f] + supernodes_.update_blocks[s];
     }
+    supernode_of_front_ = std::move(partition.supernode);
     reorder_by_front(partition.front_of);
   }
 
@@ -98,8 +99,11 @@ class Analysis {
     const std::vector<Index> old_order = std::move(s_.order);
     s_.order.assign(old_order.size(), 0);
     front_at_.resize(old_order.size());
+    moved_to_.resize(old_order.size());
+    s_.position.resize(old_order.size());
     for (std::size_t k = 0; k < old_order.size(); ++k) {
       const Index position = next[front_of[k]]++;
+      moved_to_[k] = position;
       s_.order[position] = old_order[k];
       s_.position[old_order[k]] = position;
       front_at_[position] = front_of[k];
@@ -121,22 +125,13 @@ class Analysis {
     }
   }
 
-  // Row i of the factor is nonzero in the fronts on the paths from the columns coupled with i up to
-  // i's own front. Rows come in ascending order, so each front's list is sorted as it grows.
   void list_updates() {
     s_.updates.resize(static_cast<std::size_t>(s_.update_start.back()));
-    std::vector<std::int64_t> next(s_.update_start.begin(), s_.update_start.end() - 1);
-    std::vector<Index> visited_by(s_.fronts.size(), -1);
-    for (Index i = 0; i < static_cast<Index>(s_.order.size()); ++i) {
-      visited_by[front_at_[i]] = i;
-      const Index v = s_.order[i];
-      for (std::int64_t e = stars_.earlier_start[v]; e < stars_.earlier_start[v + 1]; ++e) {
-        Index f = front_at_[s_.position[stars_.earlier[e]]];
-        for (; f >= 0 && visited_by[f] != i; f = s_.fronts[f].parent) {
-          visited_by[f] = i;
-          s_.updates[next[f]++] = i;
-        }
-      }
+    for (Index f = 0; f < front_count(); ++f) {
+      Index* const begin = s_.updates.data() + s_.update_start[f];
+      Index* to = begin;
+      supernodes_.for_each_update(supernode_of_front_[f], [&](Index k) { *to++ = moved_to_[k]; });
+      std::sort(begin, to);
     }
   }
 
@@ -149,19 +144,28 @@ class Analysis {
     plan_memory(s_);
   }
 
+  // Who is eliminated first, of each clique, in the order that was given.
+  void find_owners() {
+    owner_.resize(static_cast<std::size_t>(cliques_.size()));
+    for (std::int64_t k = 0; k < cliques_.size(); ++k) {
+      Index first = std::numeric_limits<Index>::max();
+      for (const Index v : cliques_[k]) first = std::min(first, given_position_[v]);
+      owner_[k] = cliques_[k].empty() ? -1 : first;
+    }
+  }
+
   void assign_cliques() {
     s_.owned_start.assign(s_.fronts.size() + 1, 0);
-    const auto front_of_clique = [&](std::int64_t k) {
-      return front_at_[s_.position[stars_.owner[k]]];
-    };
-    for (std::int64_t k = 0; k < cliques_.size(); ++k) {
-      if (stars_.owner[k] >= 0) ++s_.owned_start[front_of_clique(k) + 1];
+    for (Index& owner : owner_) {
+      if (owner < 0) continue;
+      owner = front_at_[moved_to_[owner]];
+      ++s_.owned_start[owner + 1];
     }
     std::inclusive_scan(s_.owned_start.begin(), s_.owned_start.end(), s_.owned_start.begin());
     s_.owned.resize(static_cast<std::size_t>(s_.owned_start.back()));
     std::vector<std::int64_t> next(s_.owned_start.begin(), s_.owned_start.end() - 1);
     for (std::int64_t k = 0; k < cliques_.size(); ++k) {
-      if (stars_.owner[k] >= 0) s_.owned[next[front_of_clique(k)]++] = k;
+      if (owner_[k] >= 0) s_.owned[next[owner_[k]]++] = k;
     }
   }
 
@@ -226,18 +230,29 @@ class Analysis {
   Cliques cliques_;
   MergingOptions options_;
   Index eliminated_;
+  const BlockGraph* graph_;
   WorkerPool* pool_;
   FrontalStructure s_;
-  Stars stars_;
-  std::vector<Index> front_at_;  // per position
+  std::vector<Index> given_position_;      // per variable, in the order that was given
+  std::vector<Index> owner_;               // per clique: the first position, later the front; or -1
+  SupernodeTree supernodes_;               // of the order that was given
+  std::vector<Index> supernode_of_front_;  // whose update set it has
+  std::vector<Index> moved_to_;            // per given position
+  std::vector<Index> front_at_;            // per final position
 };
 
 }  // namespace
 
 FrontalStructure analyze(std::span<const std::int32_t> dims, Cliques cliques,
                          std::span<const std::int32_t> order, const MergingOptions& options,
-                         std::int32_t eliminated, WorkerPool* pool) {
-  return Analysis(dims, cliques, order, options, eliminated, pool).run();
+                         std::int32_t eliminated) {
+  return Analysis(dims, cliques, order, options, eliminated, nullptr, nullptr).run();
+}
+
+FrontalStructure analyze(std::span<const std::int32_t> dims, Cliques cliques,
+                         const BlockGraph& graph, std::span<const std::int32_t> order,
+                         WorkerPool* pool) {
+  return Analysis(dims, cliques, order, {}, -1, &graph, pool).run();
 }
 
 }  // namespace mapjoin

@@ -138,10 +138,15 @@ struct FrontalStructure {
 /// With `eliminated` >= 0 only that many variables, the first ones of `order`, are to be eliminated
 /// (FrontalCholesky::factorize_subtree). No clique may lie among the others alone: they are not
 /// analysed, and each is a front by itself that nothing hangs below. The update set of a root is
-/// then what stays of its tree's surroundings. Steps that do not need one another run side by side
-/// on the threads of `pool`, if there is one; the result is the same.
+/// then what stays of its tree's surroundings.
 FrontalStructure analyze(std::span<const std::int32_t> dims, Cliques cliques,
                          std::span<const std::int32_t> order, const MergingOptions& options = {},
-                         std::int32_t eliminated = -1, WorkerPool* pool = nullptr);
+                         std::int32_t eliminated = -1);
+
+/// The same where the cliques' block graph is at hand. Steps that do not need one another run side
+/// by side on the threads of `pool`, if there is one; the result is the same.
+FrontalStructure analyze(std::span<const std::int32_t> dims, Cliques cliques,
+                         const BlockGraph& graph, std::span<const std::int32_t> order,
+                         WorkerPool* pool = nullptr);
 
 }  // namespace mapjoin

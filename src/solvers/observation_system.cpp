@@ -30,17 +30,18 @@ template <int D>
 void ObservationSystem<D>::plan(const Piece<D>& piece, std::span<const std::int32_t> rank,
                                 WorkerPool* pool) {
   const Cliques view{cliques_.start, cliques_.variables};
-  std::vector<std::int32_t> order;
   if (rank.empty()) {
-    order = order_blocks(list_.dims(), view, {}, pool);
-  } else {
-    order.resize(piece.variables.size());
-    std::iota(order.begin(), order.end(), 0);
-    const auto rank_of = [&](std::int32_t i) { return rank[at(piece.variables[at(i)])]; };
-    std::sort(order.begin(), order.end(),
-              [&](std::int32_t a, std::int32_t b) { return rank_of(a) < rank_of(b); });
+    const BlockGraph graph = block_graph(piece.size(), view);
+    structure_ =
+        analyze(list_.dims(), view, graph, order_blocks(list_.dims(), graph, {}, pool), pool);
+    return;
   }
-  structure_ = analyze(list_.dims(), view, order, {}, -1, pool);
+  std::vector<std::int32_t> order(piece.variables.size());
+  std::iota(order.begin(), order.end(), 0);
+  const auto rank_of = [&](std::int32_t i) { return rank[at(piece.variables[at(i)])]; };
+  std::sort(order.begin(), order.end(),
+            [&](std::int32_t a, std::int32_t b) { return rank_of(a) < rank_of(b); });
+  structure_ = analyze(list_.dims(), view, order);
 }
 
 /// Holds the pose that most observations touch. Where there is no pose, some scalars of the

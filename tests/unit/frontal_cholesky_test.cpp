@@ -110,12 +110,14 @@ TEST(FrontalCholesky, GivesTheSameBitsForAnyNumberOfThreads) {
 
 TEST(FrontalCholesky, AnalysesTheSameOnAnyNumberOfThreads) {
   for (const Problem& problem : {grid_problem(40, 40, 3), random_problem(150, 900, 2)}) {
-    const FrontalStructure one = analyze(problem);
+    const FrontalStructure one = analyze(problem);  // from the cliques' stars alone
+    const BlockGraph graph =
+        block_graph(static_cast<std::int32_t>(problem.dims().size()), problem.cliques());
+    const auto order = order_blocks(problem.dims(), graph);
     for (const int threads : {1, 2, 3}) {
       WorkerPool pool(threads);
       const FrontalStructure s =
-          mapjoin::analyze(problem.dims(), problem.cliques(),
-                           order_blocks(problem.dims(), problem.cliques()), {}, -1, &pool);
+          mapjoin::analyze(problem.dims(), problem.cliques(), graph, order, &pool);
       EXPECT_EQ(s.order, one.order);
       EXPECT_EQ(s.updates, one.updates);
       EXPECT_EQ(s.owned, one.owned);
@@ -467,25 +469,6 @@ TEST(FrontalCholesky, SaysWhereItCannotWriteAFactor) {
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), testing::HasSubstr("/nowhere/at/all"));
   }
-}
-
-TEST(EliminationFlops, AreThoseOfTheDenseFactorizationWhereAllIsCoupled) {
-  const std::vector<std::int32_t> dims = {3, 2, 6, 1};
-  const std::vector<std::int64_t> start = {0, 4};
-  const std::vector<std::int32_t> vars = {0, 1, 2, 3};
-  for (const std::vector<std::int32_t>& order :
-       {std::vector<std::int32_t>{0, 1, 2, 3}, std::vector<std::int32_t>{2, 0, 3, 1}}) {
-    EXPECT_EQ(elimination_flops(dims, {start, vars}, order), 12.0 * 13.0 * 25.0 / 6.0);
-  }
-}
-
-TEST(EliminationFlops, AreThoseOfFrontsThatStoreNoZeros) {
-  const Problem problem = grid_problem(20, 30, 3);
-  const double fronts = analyze(problem, {}, {.merge_fronts = false, .cost = {}}).statistics.flops;
-  const double counted = elimination_flops(problem.dims(), problem.cliques(),
-                                           order_blocks(problem.dims(), problem.cliques()));
-  EXPECT_LT(counted, fronts);  // which eliminate the right-hand side as well
-  EXPECT_GT(counted, 0.9 * fronts);
 }
 
 TEST(Fronts, RefuseAnOrderThatIsNotAPermutation) {

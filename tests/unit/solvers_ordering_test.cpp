@@ -12,9 +12,9 @@
 #include <vector>
 
 #include "mapjoin/graph/error.h"
-#include "mapjoin/solvers/elimination_tree.h"
 #include "mapjoin/solvers/nested_dissection.h"
 #include "mapjoin/solvers/separator.h"
+#include "mapjoin/solvers/symbolic_elimination.h"
 #include "mapjoin/solvers/vertex_cut.h"
 #include "tests/support/clique_problem.h"
 
@@ -48,7 +48,7 @@ struct Links {
 };
 
 double flops(const Problem& problem, OrderingMethod method) {
-  return elimination_flops(problem.dims(), problem.cliques(), ordered(problem, method));
+  return elimination_flops(problem.dims(), graph_of(problem), ordered(problem, method));
 }
 
 void expect_parted(const BlockGraph& graph, std::span<const Side> side) {
