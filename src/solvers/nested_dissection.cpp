@@ -20,7 +20,7 @@ using Index = std::int32_t;
 
 // Variables that minimum degree orders; and where many of them see the same features, whose poses
 // it finds by itself and dissection only looks for longer.
-constexpr Index kSmallPart = 1000, kSmallPartWithHubs = 4000;
+constexpr Index kSmallPart = 1000, kSmallPartWithHubs = 2500;
 
 bool is_small(const BlockGraph& graph) {
   return graph.size() <= kSmallPart || (graph.size() <= kSmallPartWithHubs && has_hubs(graph));
