@@ -6,14 +6,13 @@
 
 #include "benchmarks/worlds.h"
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/index.h"
 #include "mapjoin/solvers/observation_system.h"
 #include "mapjoin/solvers/sparse_cholesky.h"
 
 namespace mapjoin::benchmarks {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// All observations of a world at its optimum, as a system to solve.
 template <int D>

@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <numeric>
 
+#include "mapjoin/graph/index.h"
+
 namespace mapjoin::benchmarks {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 template <int D>
 std::size_t count_of(const MeasurementGraph<D>& graph, Tag type) {

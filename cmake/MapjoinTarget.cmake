@@ -14,6 +14,10 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # Eigen's fixed-size storage alike. The sanitizers watch the same things in earnest.
   list(APPEND MAPJOIN_WARNINGS -Wno-maybe-uninitialized -Wno-array-bounds -Wno-restrict
        -Wno-stringop-overflow -Wno-stringop-overread)
+  # A file's own types look like a header's when it is compiled as part of another one.
+  if(MAPJOIN_UNITY_BUILD)
+    list(APPEND MAPJOIN_WARNINGS -Wno-subobject-linkage)
+  endif()
 endif()
 
 set(MAPJOIN_PRECOMPILED_HEADERS

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "mapjoin/frames/anchors.h"
+#include "mapjoin/graph/index.h"
 #include "mapjoin/graph/rename_keys.h"
 #include "mapjoin/joining/join.h"
 #include "mapjoin/joining/report.h"
@@ -13,8 +14,6 @@
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Consecutive local maps, joined.
 template <int D>

@@ -4,12 +4,11 @@
 
 #include "mapjoin/association/hypothesis.h"
 #include "mapjoin/association/rivals.h"
+#include "mapjoin/graph/index.h"
 
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// What would also fit, given everything that was matched: numbers of candidate pairs, ascending.
 std::vector<int> also_possible(const CandidatePairs& pairs, const Matching& matching) {

@@ -15,6 +15,7 @@
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/change_frame.h"
 #include "mapjoin/graph/builtin_types.h"
+#include "mapjoin/graph/index.h"
 #include "mapjoin/joining/common_points.h"
 #include "mapjoin/solvers/covariance.h"
 #include "mapjoin/solvers/relative.h"
@@ -22,8 +23,6 @@
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// The lowest pose of both, or the one where B starts if A has it.
 template <int D>

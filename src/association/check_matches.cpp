@@ -7,12 +7,11 @@
 #include "mapjoin/association/joint_innovation.h"
 #include "mapjoin/evaluation/chi_squared.h"
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/index.h"
 
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// The bounds of n tests that together raise a false alarm with the given probability.
 std::vector<double> bounds_of(const JointInnovation& joint, double false_alarm) {

@@ -11,14 +11,13 @@
 #include "mapjoin/evaluation/chi_squared.h"
 #include "mapjoin/frames/align.h"
 #include "mapjoin/graph/builtin_types.h"
+#include "mapjoin/graph/index.h"
 #include "mapjoin/graph/rename_keys.h"
 #include "mapjoin/solvers/covariance.h"
 
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Three points, and the distances between them: side k is opposite corner k. Corners are in the
 /// order of ascending sides, so that equal triangles have equal corners.

@@ -3,11 +3,11 @@
 #include <cmath>
 #include <numbers>
 
+#include "mapjoin/graph/index.h"
+
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Less variance than this of what there was at first is rounding.
 constexpr double kNoVariance = 1e-12;

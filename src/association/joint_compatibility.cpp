@@ -4,12 +4,11 @@
 #include "mapjoin/association/hypothesis.h"
 #include "mapjoin/association/matchers.h"
 #include "mapjoin/evaluation/chi_squared.h"
+#include "mapjoin/graph/index.h"
 
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Joint gates by degrees of freedom, computed when they are asked for.
 class JointGates {

@@ -4,14 +4,14 @@
 #include <cmath>
 #include <numbers>
 
+#include "mapjoin/graph/index.h"
+
 namespace mapjoin {
 
 namespace {
 
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
-
 /// Variances smaller than this, of the pair's largest, are what the frame pins.
-constexpr double kNoVariance = 1e-12;
+constexpr double kPinned = 1e-12;
 
 }  // namespace
 
@@ -35,7 +35,7 @@ JointInnovation::JointInnovation(const CandidatePairs& pairs, const std::vector<
     const double most = S.diagonal().segment(row, dim).maxCoeff();
     start_.push_back(static_cast<int>(kept.size()));
     for (int k = row; k < row + dim; ++k) {
-      if (S(k, k) > kNoVariance * most) kept.push_back(k);
+      if (S(k, k) > kPinned * most) kept.push_back(k);
     }
     row += dim;
   }

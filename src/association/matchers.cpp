@@ -6,12 +6,11 @@
 #include "mapjoin/association/assignment.h"
 #include "mapjoin/association/hypothesis.h"
 #include "mapjoin/graph/disjoint_sets.h"
+#include "mapjoin/graph/index.h"
 
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Candidates within the gate given the known pairs.
 std::vector<int> within_gate(const CandidatePairs& pairs, const Hypothesis& given) {

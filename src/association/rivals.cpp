@@ -6,12 +6,11 @@
 
 #include "mapjoin/association/hypothesis.h"
 #include "mapjoin/association/joint_innovation.h"
+#include "mapjoin/graph/index.h"
 
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Follows hypotheses and what they are worth.
 class Follower {

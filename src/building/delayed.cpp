@@ -67,7 +67,7 @@ class Feature {
   const LocalMeasurement<D>& measurement(int k) const {
     return problem_.measurements[static_cast<std::size_t>(k)];
   }
-  const Rigid<D>& pose(int i) const { return *reinterpret_cast<const Rigid<D>*>(values_.value(i)); }
+  const Rigid<D>& pose(int i) const { return values_.pose(i); }
 
   std::vector<double> hypothesis(int k, double u) const {
     const LocalMeasurement<D>& m = measurement(k);

@@ -9,6 +9,7 @@
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/gauge.h"
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/index.h"
 #include "mapjoin/solvers/dense_blas.h"
 
 namespace mapjoin {
@@ -21,8 +22,6 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 // It is placed to a fifth of that at least (delayed.h), so this adds next to nothing; and far more
 // would cost digits, as what is known afterwards is a difference of squares.
 constexpr double kNothingKnown = 100.0;
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// A measurement linearised: r + J_a da + J_x dx = n.
 struct Linear {
@@ -39,11 +38,6 @@ Linear linearized(const LocalMeasurement<D>& m, const Values<D>& values) {
                      out.Ja.data(), out.Jx.data());
   out.noise = Eigen::Map<const Eigen::MatrixXd>(m.info, n, n).inverse();
   return out;
-}
-
-template <int D>
-Rigid<D>& pose(Values<D>& values, int i) {
-  return *reinterpret_cast<Rigid<D>*>(values.value(i));
 }
 
 /// How far a measurement looks, in metres; of what has no position, at least one.
@@ -71,7 +65,7 @@ KalmanFilter<D>::KalmanFilter(const LocalProblem<D>& problem, const InitialValue
   for (int i = first(); i <= problem.last_pose(); ++i) waits_[at(i)] = 0;
   row_.assign(n, kAbsent);
   row_[at(first())] = kFixed;
-  pose(values_, first()) = Rigid<D>::identity();
+  values_.pose(first()) = Rigid<D>::identity();
   for (int i = 0; i < problem.variables.size(); ++i) {
     if (waits(i))
       std::copy(values.values.value(i), values.values.value(i) + kind(i).value_size,
@@ -153,11 +147,11 @@ void KalmanFilter<D>::augment(const LocalMeasurement<D>& m) {
   const int old = forward ? m.from : m.to;
   if (forward) {
     m.model->seen(m.z, values_.value(m.to));
-    kind(m.to).transform(pose(values_, m.from), values_.value(m.to), 1);
+    kind(m.to).transform(values_.pose(m.from), values_.value(m.to), 1);
   } else {
     Rigid<D> step;
     m.model->seen(m.z, reinterpret_cast<double*>(&step));
-    pose(values_, fresh) = pose(values_, old) * step.inverse();
+    values_.pose(fresh) = values_.pose(old) * step.inverse();
   }
   const Linear l = linearized(m, values_);
   const Eigen::MatrixXd inverse =

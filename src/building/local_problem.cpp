@@ -130,11 +130,6 @@ PoseLinks pose_links(const LocalProblem<D>& problem) {
   return out;
 }
 
-template <int D>
-Rigid<D>& pose(Values<D>& values, int i) {
-  return *reinterpret_cast<Rigid<D>*>(values.value(i));
-}
-
 /// Breadth first from the poses in `queue`, over all links or those between neighbours in time.
 template <int D>
 void place_poses(const LocalProblem<D>& problem, const PoseLinks& links, bool neighbours_only,
@@ -150,7 +145,7 @@ void place_poses(const LocalProblem<D>& problem, const PoseLinks& links, bool ne
       if (neighbours_only && std::abs(there - here) > 1) continue;
       Rigid<D> step;
       m.model->seen(m.z, reinterpret_cast<double*>(&step));
-      pose(out.values, there) = pose(out.values, here) * (m.from == here ? step : step.inverse());
+      out.values.pose(there) = out.values.pose(here) * (m.from == here ? step : step.inverse());
       out.known[static_cast<std::size_t>(there)] = 1;
       queue.push_back(there);
     }
@@ -199,7 +194,7 @@ void place_features(const LocalProblem<D>& problem, bool all_of_them, InitialVal
     for (std::size_t k = 0; k < seen_by[i].size(); ++k) {
       const auto& m = problem.measurements[static_cast<std::size_t>(seen_by[i][k])];
       m.model->seen(m.z, &candidates[k * size]);
-      kind.transform(pose(out.values, m.from), &candidates[k * size], 1);
+      kind.transform(out.values.pose(m.from), &candidates[k * size], 1);
     }
     const double* const chosen = &candidates[middle_of(kind, candidates) * size];
     std::copy(chosen, chosen + size, out.values.value(static_cast<int>(i)));
@@ -215,7 +210,7 @@ InitialValues<D> initial_values(const LocalProblem<D>& problem, bool in_order) {
   out.values = Values<D>(problem.variables);
   out.known.assign(static_cast<std::size_t>(problem.variables.size()), 0);
   const int first = problem.first_pose();
-  pose(out.values, first) = Rigid<D>::identity();
+  out.values.pose(first) = Rigid<D>::identity();
   out.known[static_cast<std::size_t>(first)] = 1;
   const PoseLinks links = pose_links(problem);
   if (in_order) place_poses(problem, links, true, {first}, out);

@@ -11,6 +11,7 @@
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/gauge.h"
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/index.h"
 #include "mapjoin/joining/join.h"
 #include "mapjoin/joining/report.h"
 #include "mapjoin/solvers/dense_blas.h"
@@ -18,8 +19,6 @@
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// The covariance of what a map's frame leaves free, in the order of its variables.
 template <int D>

@@ -5,12 +5,11 @@
 #include <algorithm>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/index.h"
 
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 template <class Entry>
 bool key_below(const Entry& entry, const Key& key) {

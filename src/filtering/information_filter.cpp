@@ -12,6 +12,7 @@
 #include "mapjoin/filtering/reordering.h"
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/gauge.h"
+#include "mapjoin/graph/index.h"
 
 namespace mapjoin {
 
@@ -21,8 +22,6 @@ namespace {
 constexpr int kLeastN0 = 200, kMostN0 = 400, kMapsInBottom = 5;
 /// Of conjugate gradients, relative to i: where the estimate has settled to rounding.
 constexpr double kResidual = 1e-12;
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Adds the seconds since its making to a figure.
 class Timer {

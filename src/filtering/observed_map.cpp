@@ -9,6 +9,7 @@
 #include "mapjoin/frames/align.h"
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/index.h"
 #include "mapjoin/graph/whole_piece.h"
 #include "mapjoin/joining/leaf.h"
 #include "mapjoin/solvers/observation_list.h"
@@ -16,8 +17,6 @@
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// What the filter and a local map have in common: positions and orientations, as align wants them.
 template <int D>

@@ -3,13 +3,12 @@
 #include <algorithm>
 #include <utility>
 
+#include "mapjoin/graph/index.h"
 #include "mapjoin/solvers/block_ordering.h"
 
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Features with their distance from the focus, the nearest first; of equals the later arrival.
 template <int D>

@@ -5,12 +5,11 @@
 #include <limits>
 
 #include "mapjoin/frames/points_anchor.h"
+#include "mapjoin/graph/index.h"
 
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Standard deviations in a length. One that is known exactly has more than any other.
 double significance(double length, double sigma) {

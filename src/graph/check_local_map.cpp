@@ -5,14 +5,13 @@
 #include <algorithm>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/index.h"
 
 namespace mapjoin {
 
 namespace {
 
 constexpr double kInFrame = 1e-6;  // what may be lost by writing values as text
-
-std::size_t at(int n) { return static_cast<std::size_t>(n); }
 
 /// Values of the anchor's variables where they are terms; empty for those that are none.
 template <int D>

@@ -5,12 +5,11 @@
 #include <algorithm>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/index.h"
 
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 template <int D>
 void rename_anchor(Anchor<D>& anchor, const Renaming& renaming) {

@@ -49,6 +49,9 @@ class Values {
                          variables_.column(c).kind->value_size;
   }
   double* value(int i) { return const_cast<double*>(std::as_const(*this).value(i)); }
+  /// Variable i, which is a pose.
+  const Rigid<D>& pose(int i) const { return *reinterpret_cast<const Rigid<D>*>(value(i)); }
+  Rigid<D>& pose(int i) { return *reinterpret_cast<Rigid<D>*>(value(i)); }
   template <VariableType T>
   void set(int i, const ValueOf<T>& x) {
     *reinterpret_cast<ValueOf<T>*>(value(i)) = x;

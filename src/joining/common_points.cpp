@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "mapjoin/graph/index.h"
 #include "mapjoin/joining/require_determined.h"
 #include "mapjoin/solvers/gauge_scalars.h"
 #include "mapjoin/solvers/sparse_cholesky.h"
@@ -14,8 +15,6 @@ namespace mapjoin {
 namespace {
 
 constexpr int kMostCandidates = 12;
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Numbers of the points that all maps have, ascending.
 template <int D>

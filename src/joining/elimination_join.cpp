@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "mapjoin/graph/index.h"
 #include "mapjoin/joining/checkpoint.h"
 #include "mapjoin/joining/leaf.h"
 #include "mapjoin/joining/memory_limit.h"
@@ -18,8 +19,6 @@
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Safeguards of a join: it is solved again while chi2 ends above this multiple of what the linear
 /// model promised.

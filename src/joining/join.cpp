@@ -8,6 +8,7 @@
 
 #include "mapjoin/frames/change_frame.h"
 #include "mapjoin/frames/points_anchor.h"
+#include "mapjoin/graph/index.h"
 #include "mapjoin/joining/place.h"
 #include "mapjoin/joining/require_determined.h"
 #include "mapjoin/joining/summary_join.h"
@@ -19,8 +20,6 @@
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 template <int D>
 VariableSet<D> united(const std::vector<Map<D>>& maps) {

@@ -1,12 +1,12 @@
 #include "mapjoin/joining/join_equations.h"
 
+#include "mapjoin/graph/index.h"
+
 namespace mapjoin {
 
 namespace {
 
 using Block = Eigen::Map<const Eigen::MatrixXd>;
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
-
 /// S of variable i of a map.
 Block block_of(const JoinEquations::Rows& rows, int i) {
   const int dim = rows.offset[at(i) + 1] - rows.offset[at(i)];

@@ -8,14 +8,13 @@
 #include <utility>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/index.h"
 #include "mapjoin/solvers/block_ordering.h"
 #include "mapjoin/solvers/metis_turn.h"
 
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Joins `nodes` level by level, `arity` neighbours at once, until one is left.
 void join_levels(JoinTree& tree, std::vector<std::int32_t> nodes, int arity) {

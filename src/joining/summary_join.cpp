@@ -9,6 +9,7 @@
 #include "mapjoin/frames/gauge.h"
 #include "mapjoin/frames/points_anchor.h"
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/index.h"
 #include "mapjoin/joining/place.h"
 #include "mapjoin/joining/require_determined.h"
 #include "mapjoin/solvers/gauge_scalars.h"
@@ -17,8 +18,6 @@
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 int place_of(const std::vector<int>& variables, int variable) {
   const auto found = std::lower_bound(variables.begin(), variables.end(), variable);

@@ -8,6 +8,7 @@
 
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/local_map.h"
+#include "mapjoin/graph/index.h"
 #include "mapjoin/joining/common_points.h"
 #include "mapjoin/joining/leaf.h"
 #include "mapjoin/joining/place.h"
@@ -20,8 +21,6 @@
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 constexpr int kMostLeafSolves = 20;
 constexpr double kLeafTolerance = 1e-9;

@@ -3,13 +3,12 @@
 #include <algorithm>
 #include <utility>
 
+#include "mapjoin/graph/index.h"
 #include "mapjoin/solvers/front_merging.h"
 
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Observations that one task lays out, of a cut that has many of its own; and what one costs, in
 /// units of FrontCostModel.

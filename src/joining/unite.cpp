@@ -8,6 +8,8 @@
 #include <numeric>
 #include <utility>
 
+#include "mapjoin/graph/index.h"
+
 namespace mapjoin {
 
 namespace {
@@ -15,8 +17,6 @@ namespace {
 /// Values of a variable that are turned by more against one another (rad) have no mean: half way
 /// between two orientations that contradict one another both are wrong.
 constexpr double kContradiction = 0.5;
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// A variable as one of several pieces holds it.
 struct Held {

@@ -2,14 +2,13 @@
 
 #include <algorithm>
 
+#include "mapjoin/graph/index.h"
 #include "mapjoin/solvers/dense_blas.h"
 #include "mapjoin/solvers/frontal_cholesky.h"
 
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Copies the rows of the given variables, stacked, out of B or back into it.
 template <class From, class To>

@@ -8,6 +8,7 @@
 
 #include "mapjoin/frames/exact_gauge.h"
 #include "mapjoin/frames/gauge.h"
+#include "mapjoin/graph/index.h"
 #include "mapjoin/graph/piece.h"
 #include "mapjoin/solvers/block_system.h"
 #include "mapjoin/solvers/gauge_scalars.h"
@@ -18,8 +19,6 @@ namespace mapjoin {
 namespace {
 
 constexpr int kColumnsAtOnce = 48;  // right-hand sides of one solve
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Scalars that fix the gauge, where any will do: a pose, else the most independent ones.
 template <int D>

@@ -1,12 +1,8 @@
 #include "mapjoin/solvers/information_sum.h"
 
+#include "mapjoin/graph/index.h"
+
 namespace mapjoin {
-
-namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
-
-}  // namespace
 
 std::span<const std::int32_t> InformationSum::clique(std::int64_t k) const {
   return std::span(variables).subspan(at(clique_start[at(k)]),

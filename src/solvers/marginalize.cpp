@@ -10,13 +10,12 @@
 #include "mapjoin/frames/change_frame.h"
 #include "mapjoin/frames/exact_gauge.h"
 #include "mapjoin/frames/points_anchor.h"
+#include "mapjoin/graph/index.h"
 #include "mapjoin/solvers/block_system.h"
 
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Numbers among the kept variables, -1 for dropped ones.
 std::vector<int> places_of(std::span<const int> keep, int size) {

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/index.h"
 
 namespace mapjoin {
 
@@ -41,7 +42,6 @@ class Workspace {
 
  private:
   static constexpr int kRows = 8;
-  static std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
   BlockGraph graph_;
   Index entries_;

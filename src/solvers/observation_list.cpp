@@ -2,13 +2,9 @@
 
 #include <algorithm>
 
+#include "mapjoin/graph/index.h"
+
 namespace mapjoin {
-
-namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
-
-}  // namespace
 
 template <int D>
 ObservationList<D>::ObservationList(const MeasurementGraph<D>& graph, const Piece<D>& piece,

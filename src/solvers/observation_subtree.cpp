@@ -2,17 +2,12 @@
 
 #include <optional>
 
+#include "mapjoin/graph/index.h"
 #include "mapjoin/solvers/gauge_scalars.h"
 #include "mapjoin/solvers/observation_assembly.h"
 #include "mapjoin/solvers/observation_system.h"
 
 namespace mapjoin {
-
-namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
-
-}  // namespace
 
 /// Rows of the root's update matrix that hold the gauge of a subtree: a pose it shares with the
 /// rest, or the scalars of features that turn most freely. Empty where what it shares does not fix

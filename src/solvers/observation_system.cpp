@@ -4,17 +4,12 @@
 #include <numeric>
 #include <utility>
 
+#include "mapjoin/graph/index.h"
 #include "mapjoin/solvers/gauge_scalars.h"
 #include "mapjoin/solvers/observation_assembly.h"
 #include "mapjoin/solvers/pool_loop.h"
 
 namespace mapjoin {
-
-namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
-
-}  // namespace
 
 template <int D>
 ObservationSystem<D>::ObservationSystem(const MeasurementGraph<D>& graph, const Piece<D>& piece,

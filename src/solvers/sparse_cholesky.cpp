@@ -3,13 +3,12 @@
 #include <cholmod.h>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/index.h"
 #include "mapjoin/solvers/block_ordering.h"
 
 namespace mapjoin {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// The block pattern as cliques of two.
 std::vector<std::int32_t> order_of(const SymmetricBlockMatrix& pattern) {

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "mapjoin/graph/index.h"
+
 namespace mapjoin {
 
 namespace {
@@ -16,8 +18,6 @@ template <int R, int C>
 using View = Eigen::Map<Matrix<R, C>>;
 template <int R, int C>
 using ConstView = Eigen::Map<const Matrix<R, C>>;
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 /// Adds B at block (row, column) of the symmetric target, on whichever side of the diagonal it
 /// lies. On the diagonal B stands for one half of the symmetric pair (B + B^T) unless it is
@@ -80,20 +80,21 @@ double add_information(const double* block, int rows, int columns, bool diagonal
 
 /// Poses and points have sizes the compiler may know (2 and 3 in the plane, 3 and 6 in space);
 /// other types do not.
+template <int G>
+constexpr int kPoseSize = G;
+template <int G>
+constexpr int kPointSize = G == 3 ? 2 : 3;
+
 template <int G, int R, class... Args>
 double by_columns(int columns, Args&&... args) {
-  constexpr int kPose = G;
-  constexpr int kPoint = G == 3 ? 2 : 3;
-  if (columns == kPose) return add_information<G, R, kPose>(args...);
-  if (columns == kPoint) return add_information<G, R, kPoint>(args...);
+  if (columns == kPoseSize<G>) return add_information<G, R, kPoseSize<G>>(args...);
+  if (columns == kPointSize<G>) return add_information<G, R, kPointSize<G>>(args...);
   return add_information<G, Dynamic, Dynamic>(args...);
 }
 template <int G, class... Args>
 double by_size(int rows, int columns, Args&&... args) {
-  constexpr int kPose = G;
-  constexpr int kPoint = G == 3 ? 2 : 3;
-  if (rows == kPose) return by_columns<G, kPose>(columns, args...);
-  if (rows == kPoint) return by_columns<G, kPoint>(columns, args...);
+  if (rows == kPoseSize<G>) return by_columns<G, kPoseSize<G>>(columns, args...);
+  if (rows == kPointSize<G>) return by_columns<G, kPointSize<G>>(columns, args...);
   return add_information<G, Dynamic, Dynamic>(args...);
 }
 

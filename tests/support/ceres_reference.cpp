@@ -8,11 +8,11 @@
 #include <map>
 #include <memory>
 
+#include "mapjoin/graph/index.h"
+
 namespace mapjoin::test {
 
 namespace {
-
-std::size_t at(std::int64_t k) { return static_cast<std::size_t>(k); }
 
 template <int D>
 using StateOf = typename CeresReference<D>::State;

@@ -11,14 +11,13 @@
 #include "mapjoin/association/rivals.h"
 #include "mapjoin/evaluation/chi_squared.h"
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/index.h"
 #include "tests/support/random_maps.h"
 
 namespace mapjoin {
 namespace {
 
 using namespace test;  // NOLINT
-
-std::size_t at(int k) { return static_cast<std::size_t>(k); }
 
 /// Pairs over n variables of A and as many of B, each of `dim`, with dense joint covariances; which
 /// pairs there are is drawn.
