@@ -35,9 +35,8 @@ std::vector<Index> running_sums(std::span<const Index> dims, IndexOf index) {
 class Analysis {
  public:
   Analysis(std::span<const Index> dims, Cliques cliques, std::span<const Index> order,
-           const MergingOptions& options, Index eliminated, const BlockGraph* graph,
-           WorkerPool* pool)
-      : cliques_(cliques), options_(options), eliminated_(eliminated), graph_(graph), pool_(pool) {
+           const MergingOptions& options, Index eliminated, WorkerPool* pool)
+      : cliques_(cliques), options_(options), eliminated_(eliminated), pool_(pool) {
     if (order.size() != dims.size())
       throw InputError("analyze: the order has another size than dims");
     s_.dims.assign(dims.begin(), dims.end());
@@ -46,11 +45,13 @@ class Analysis {
     s_.scalar_of = running_sums(dims, [](std::size_t v) { return v; });
   }
 
-  FrontalStructure run() {
+  BlockGraph stars() const { return star_graph(given_position_, cliques_); }
+
+  FrontalStructure run(const BlockGraph& graph) {
     run_both(
         pool_,
         [&] {
-          form_fronts();
+          form_fronts(graph);
           list_children();
         },
         [&] { find_owners(); });
@@ -69,10 +70,8 @@ class Analysis {
   Index front_count() const { return static_cast<Index>(s_.fronts.size()); }
   Index dim_at(Index position) const { return s_.scalar_at[position + 1] - s_.scalar_at[position]; }
 
-  void form_fronts() {
-    supernodes_ = eliminate_symbolically(
-        s_.dims, graph_ != nullptr ? *graph_ : star_graph(given_position_, cliques_), s_.order,
-        given_position_, eliminated_);
+  void form_fronts(const BlockGraph& graph) {
+    supernodes_ = eliminate_symbolically(s_.dims, graph, s_.order, given_position_, eliminated_);
     FrontPartition partition = partition_into_fronts(supernodes_, options_);
     s_.fronts.resize(static_cast<std::size_t>(partition.fronts()));
     s_.update_start.assign(s_.fronts.size() + 1, 0);
@@ -230,7 +229,6 @@ class Analysis {
   Cliques cliques_;
   MergingOptions options_;
   Index eliminated_;
-  const BlockGraph* graph_;
   WorkerPool* pool_;
   FrontalStructure s_;
   std::vector<Index> given_position_;      // per variable, in the order that was given
@@ -246,13 +244,14 @@ class Analysis {
 FrontalStructure analyze(std::span<const std::int32_t> dims, Cliques cliques,
                          std::span<const std::int32_t> order, const MergingOptions& options,
                          std::int32_t eliminated) {
-  return Analysis(dims, cliques, order, options, eliminated, nullptr, nullptr).run();
+  Analysis analysis(dims, cliques, order, options, eliminated, nullptr);
+  return analysis.run(analysis.stars());
 }
 
 FrontalStructure analyze(std::span<const std::int32_t> dims, Cliques cliques,
                          const BlockGraph& graph, std::span<const std::int32_t> order,
                          WorkerPool* pool) {
-  return Analysis(dims, cliques, order, {}, -1, &graph, pool).run();
+  return Analysis(dims, cliques, order, {}, -1, pool).run(graph);
 }
 
 }  // namespace mapjoin

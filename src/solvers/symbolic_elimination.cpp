@@ -32,9 +32,7 @@ class SymbolicElimination {
 
   SupernodeTree run() && {
     for (Index p = 0; p < eliminated_; ++p) eliminate(p);
-    for (Index p = eliminated_; p < static_cast<Index>(order_.size()); ++p) {
-      add_node(p).end = static_cast<std::int64_t>(entries_.size());
-    }
+    for (Index p = eliminated_; p < static_cast<Index>(order_.size()); ++p) add_node(p);
     return numbered_by_last();
   }
 
