@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <numeric>
 #include <vector>
 
 #include "mapjoin/solvers/extend_add.h"
@@ -19,25 +18,6 @@ namespace mapjoin {
 namespace {
 
 using Index = std::int32_t;
-
-/// Sorts tasks, parents before children, for several threads to go down the trees: the longest way
-/// from a task's start to the last leaf below it first. A thread whose subtrees hang from a path
-/// that another one goes down then need not wait until that one has done what else hangs there.
-void go_downwards(std::span<const FrontTask> tasks, std::vector<Index>& order) {
-  std::vector<double> way_down(tasks.size(), 0.0);
-  for (std::size_t t = 0; t < tasks.size(); ++t) {
-    const FrontTask& task = tasks[t];
-    if (task.parent < 0) {
-      way_down[t] += task.path_cost;
-      continue;
-    }
-    const auto parent = static_cast<std::size_t>(task.parent);
-    way_down[t] += task.path_cost - tasks[parent].path_cost;
-    way_down[parent] = std::max(way_down[parent], way_down[t]);
-  }
-  std::stable_sort(order.begin(), order.end(),
-                   [&](Index a, Index b) { return way_down[a] > way_down[b]; });
-}
 
 }  // namespace
 
@@ -119,9 +99,7 @@ void FrontalCholesky::substitute_tasks(std::span<const FrontTask> tasks, double*
   // took it comes to it next: so nobody waits forever.
   std::vector<Index> owner;
   share_tasks(tasks, pool.threads(), owner);
-  std::vector<Index> order(tasks.size());
-  std::iota(order.rbegin(), order.rend(), 0);
-  if (pool.threads() > 1) go_downwards(tasks, order);
+  const std::vector<Index> order = downwards(tasks, pool.threads());
   std::vector<std::atomic<bool>> taken(tasks.size()), done(tasks.size());
   pool.run([&](int thread) {
     std::vector<double> local(rows);

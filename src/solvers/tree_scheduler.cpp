@@ -1,6 +1,7 @@
 #include "mapjoin/solvers/tree_scheduler.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "mapjoin/solvers/patience.h"
 
@@ -9,6 +10,10 @@ namespace {
 
 constexpr int kCountBits = 20;
 constexpr std::uint64_t kCountMask = (std::uint64_t{1} << kCountBits) - 1;
+
+double own_cost(std::span<const FrontTask> tasks, const FrontTask& task) {
+  return task.path_cost - (task.parent < 0 ? 0.0 : tasks[task.parent].path_cost);
+}
 
 }  // namespace
 
@@ -39,19 +44,31 @@ bool SharedLoop::help() {
 }
 
 void share_tasks(std::span<const FrontTask> tasks, int threads, std::vector<std::int32_t>& owner) {
-  const auto own_cost = [&](const FrontTask& task) {
-    return task.path_cost - (task.parent < 0 ? 0.0 : tasks[task.parent].path_cost);
-  };
   double total = 0.0;
-  for (const FrontTask& task : tasks) total += own_cost(task);
+  for (const FrontTask& task : tasks) total += own_cost(tasks, task);
   double before = 0.0;
   owner.clear();
   for (const FrontTask& task : tasks) {
-    const double middle = before + 0.5 * own_cost(task);
-    before += own_cost(task);
+    const double middle = before + 0.5 * own_cost(tasks, task);
+    before += own_cost(tasks, task);
     const double share = total > 0.0 ? middle / total : 0.0;
     owner.push_back(std::min(static_cast<int>(share * threads), threads - 1));
   }
+}
+
+std::vector<std::int32_t> downwards(std::span<const FrontTask> tasks, int threads) {
+  std::vector<std::int32_t> order(tasks.size());
+  std::iota(order.rbegin(), order.rend(), 0);
+  if (threads == 1) return order;
+  std::vector<double> way(tasks.size(), 0.0);
+  for (std::size_t t = 0; t < tasks.size(); ++t) {
+    const FrontTask& task = tasks[t];
+    way[t] += own_cost(tasks, task);
+    if (task.parent >= 0) way[task.parent] = std::max(way[task.parent], way[t]);
+  }
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::int32_t a, std::int32_t b) { return way[a] > way[b]; });
+  return order;
 }
 
 void TreeScheduler::reset(std::span<const FrontTask> tasks, int threads) {

@@ -39,6 +39,12 @@ class alignas(64) SharedLoop {
 /// caches what it wrote in the pass before.
 void share_tasks(std::span<const FrontTask> tasks, int threads, std::vector<std::int32_t>& owner);
 
+/// All tasks, parents before children, in an order for threads to go down the trees: the longest
+/// way from a task's start to the last leaf below it first. A thread whose subtrees hang from a
+/// path that another one goes down then need not wait until that one has done what else hangs
+/// there. One thread goes from the last task to the first.
+std::vector<std::int32_t> downwards(std::span<const FrontTask> tasks, int threads);
+
 /// One pass over a task tree. Which thread runs what depends on timing; results must not.
 class TreeScheduler {
  public:

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <numeric>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "mapjoin/graph/error.h"
@@ -158,6 +159,30 @@ TEST(TreeScheduler, SharesTasksInStretchesOfLikeCost) {
   }
   share_tasks({}, 3, owner);
   EXPECT_TRUE(owner.empty());
+}
+
+TEST(TreeScheduler, GoesDownTheLongestWayFirst) {
+  // 0 and 1 hang from 3, 2 from 4, 3 and 4 from the root 5: the longest way goes through 3 to 0.
+  std::vector<FrontTask> tasks(6);
+  const double cost[] = {9, 1, 6, 1, 2, 1};
+  const std::int32_t parent[] = {3, 3, 4, 5, 5, -1};
+  for (std::size_t t = tasks.size(); t-- > 0;) {
+    tasks[t].parent = parent[t];
+    tasks[t].path_cost =
+        cost[t] + (parent[t] < 0 ? 0.0 : tasks[static_cast<std::size_t>(parent[t])].path_cost);
+  }
+  EXPECT_EQ(downwards(tasks, 2), (std::vector<std::int32_t>{5, 3, 0, 4, 2, 1}));
+  EXPECT_EQ(downwards(tasks, 1), (std::vector<std::int32_t>{5, 4, 3, 2, 1, 0}));
+
+  const std::vector<FrontTask> many = forest(400);
+  const std::vector<std::int32_t> order = downwards(many, 3);
+  std::vector<char> seen(many.size(), 0);
+  for (const std::int32_t t : order) {
+    const std::int32_t above = many[static_cast<std::size_t>(t)].parent;
+    EXPECT_TRUE(above < 0 || seen[static_cast<std::size_t>(above)]) << t;
+    EXPECT_EQ(std::exchange(seen[static_cast<std::size_t>(t)], 1), 0) << t;
+  }
+  EXPECT_EQ(order.size(), many.size());
 }
 
 }  // namespace
