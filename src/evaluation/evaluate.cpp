@@ -8,6 +8,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "mapjoin/graph/index.h"
+
 namespace mapjoin {
 
 namespace {
@@ -78,9 +80,9 @@ class SubmapResiduals {
   double chi2(std::size_t k) {
     evaluate(k);
     double sum = 0.0;
-    for (auto b = index(maps_.block_start[k]); b < index(maps_.block_start[k + 1]); ++b) {
-      const auto row = index(maps_.block_row[b]);
-      const auto column = index(maps_.block_column[b]);
+    for (auto b = at(maps_.block_start[k]); b < at(maps_.block_start[k + 1]); ++b) {
+      const auto row = at(maps_.block_row[b]);
+      const auto column = at(maps_.block_column[b]);
       const Eigen::Map<const Eigen::MatrixXd> block(maps_.information.data() + maps_.block_value[b],
                                                     dim(row), dim(column));
       const double part = residual(row).dot(block * residual(column));
@@ -90,17 +92,16 @@ class SubmapResiduals {
   }
 
  private:
-  static std::size_t index(std::int64_t i) { return static_cast<std::size_t>(i); }
   int place(std::int32_t variable) const { return places_[static_cast<std::size_t>(variable)]; }
 
   void evaluate(std::size_t k) {
     const Rigid<D> T = frame(k);
     start_.assign(1, 0);
     residuals_.clear();
-    for (auto t = index(maps_.term_start[k]); t < index(maps_.term_start[k + 1]); ++t) {
-      const int at = place(maps_.term_variable[t]);
-      const VariableKind<D>& kind = estimate_.variables().kind(at);
-      seen_.assign(estimate_.value(at), estimate_.value(at) + kind.value_size);
+    for (auto t = at(maps_.term_start[k]); t < at(maps_.term_start[k + 1]); ++t) {
+      const int here = place(maps_.term_variable[t]);
+      const VariableKind<D>& kind = estimate_.variables().kind(here);
+      seen_.assign(estimate_.value(here), estimate_.value(here) + kind.value_size);
       kind.transform(T, seen_.data(), 1);
       residuals_.resize(residuals_.size() + static_cast<std::size_t>(kind.dim));
       kind.local(maps_.values.data() + maps_.term_value[t], seen_.data(), 1,
@@ -111,10 +112,10 @@ class SubmapResiduals {
   Rigid<D> frame(std::size_t k) const {
     std::vector<const double*> values;
     std::vector<Key> keys;
-    for (auto a = index(maps_.anchor_start[k]); a < index(maps_.anchor_start[k + 1]); ++a) {
-      const int at = place(maps_.anchor_variables[a]);
-      values.push_back(estimate_.value(at));
-      keys.push_back(estimate_.variables().key(at));
+    for (auto a = at(maps_.anchor_start[k]); a < at(maps_.anchor_start[k + 1]); ++a) {
+      const int here = place(maps_.anchor_variables[a]);
+      values.push_back(estimate_.value(here));
+      keys.push_back(estimate_.variables().key(here));
     }
     return maps_.anchors[k]->frame(values.data(), keys.data());
   }

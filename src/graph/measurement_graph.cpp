@@ -8,6 +8,7 @@
 #include "mapjoin/graph/check_local_map.h"
 #include "mapjoin/graph/disjoint_sets.h"
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/index.h"
 #include "mapjoin/graph/key_numbering.h"
 #include "mapjoin/graph/map.h"
 
@@ -18,8 +19,6 @@ namespace {
 bool all_finite(const double* x, std::size_t n) {
   return std::all_of(x, x + n, [](double v) { return std::isfinite(v); });
 }
-
-std::size_t doubles(int n) { return static_cast<std::size_t>(n); }
 
 template <class T>
 void append(std::vector<T>& to, const std::vector<T>& from) {
@@ -38,8 +37,8 @@ std::size_t MeasurementGraph<D>::size() const {
 template <int D>
 std::size_t MeasurementGraph<D>::residuals() const {
   std::size_t n = 0;
-  for (const auto& column : relative) n += column.size() * doubles(column.kind->dim);
-  for (const std::int32_t v : submaps.term_variable) n += doubles(variables.dim(v));
+  for (const auto& column : relative) n += column.size() * at(column.kind->dim);
+  for (const std::int32_t v : submaps.term_variable) n += at(variables.dim(v));
   return n;
 }
 
@@ -84,8 +83,8 @@ void MeasurementGraphBuilder<D>::reserve(const VariableKind<D>& kind, std::size_
   Relative& c = column(kind);
   c.from.reserve(measurements);
   c.to.reserve(measurements);
-  c.z.reserve(measurements * doubles(kind.value_size));
-  c.info.reserve(measurements * doubles(kind.dim * kind.dim));
+  c.z.reserve(measurements * at(kind.value_size));
+  c.info.reserve(measurements * at(kind.dim * kind.dim));
 }
 
 template <int D>
@@ -100,8 +99,7 @@ void MeasurementGraphBuilder<D>::add(const VariableKind<D>& kind, const Key& fro
                                  to_string(from), to_string(to)));
   }
   check_type(kind, to);
-  if (!all_finite(z, doubles(kind.value_size)) ||
-      !all_finite(information, doubles(kind.dim * kind.dim))) {
+  if (!all_finite(z, at(kind.value_size)) || !all_finite(information, at(kind.dim * kind.dim))) {
     throw InputError(fmt::format("the measurement {} -> {} holds a number that is not finite",
                                  to_string(from), to_string(to)));
   }
@@ -124,12 +122,11 @@ void MeasurementGraphBuilder<D>::add(const LocalMap<D>& local_map) {
   }
   // Only a pose is where it is without a term: other anchors need theirs to say where the rest is.
   const bool from_pose = local_map.anchor.kind->tag == Tag("pose");
-  std::vector<std::vector<int>> groups(doubles(n));
-  for (int i = 0; i < n; ++i) groups[doubles(from_pose ? coupled.root(i) : 0)].push_back(i);
-  std::vector<std::size_t> value_start(doubles(n) + 1, 0);
+  std::vector<std::vector<int>> groups(at(n));
+  for (int i = 0; i < n; ++i) groups[at(from_pose ? coupled.root(i) : 0)].push_back(i);
+  std::vector<std::size_t> value_start(at(n) + 1, 0);
   for (int i = 0; i < n; ++i) {
-    value_start[doubles(i) + 1] =
-        value_start[doubles(i)] + doubles(local_map.kinds[doubles(i)]->value_size);
+    value_start[at(i) + 1] = value_start[at(i)] + at(local_map.kinds[at(i)]->value_size);
   }
   for (const std::vector<int>& group : groups) {
     if (group.empty()) continue;
@@ -138,8 +135,8 @@ void MeasurementGraphBuilder<D>::add(const LocalMap<D>& local_map) {
       continue;
     }
     const int i = group[0];
-    add(*local_map.kinds[doubles(i)], local_map.anchor.keys[0], local_map.keys[doubles(i)],
-        local_map.values.data() + value_start[doubles(i)], info.block(info.begin(i)));
+    add(*local_map.kinds[at(i)], local_map.anchor.keys[0], local_map.keys[at(i)],
+        local_map.values.data() + value_start[at(i)], info.block(info.begin(i)));
   }
 }
 
@@ -147,27 +144,27 @@ template <int D>
 void MeasurementGraphBuilder<D>::add_submap(const LocalMap<D>& map, std::span<const int> terms) {
   std::vector<int> order(terms.begin(), terms.end());
   std::stable_sort(order.begin(), order.end(),
-                   [&](int a, int b) { return map.keys[doubles(a)] < map.keys[doubles(b)]; });
+                   [&](int a, int b) { return map.keys[at(a)] < map.keys[at(b)]; });
   std::vector<int> place(map.keys.size(), -1);
-  for (std::size_t k = 0; k < order.size(); ++k) place[doubles(order[k])] = static_cast<int>(k);
+  for (std::size_t k = 0; k < order.size(); ++k) place[at(order[k])] = static_cast<int>(k);
   std::vector<std::size_t> start(map.keys.size() + 1, 0);
   for (std::size_t i = 0; i < map.keys.size(); ++i)
-    start[i + 1] = start[i] + doubles(map.kinds[i]->value_size);
+    start[i + 1] = start[i] + at(map.kinds[i]->value_size);
 
   submaps_.anchors.push_back(map.anchor.kind);
   append(submap_keys_.anchor, map.anchor.keys);
   submaps_.anchor_start.push_back(static_cast<std::int64_t>(submap_keys_.anchor.size()));
   for (const int i : order) {
-    const double* x = map.values.data() + start[doubles(i)];
-    const int size = map.kinds[doubles(i)]->value_size;
-    if (!all_finite(x, doubles(size))) {
-      throw InputError(fmt::format("the value of {} in a local map is not finite",
-                                   to_string(map.keys[doubles(i)])));
+    const double* x = map.values.data() + start[at(i)];
+    const int size = map.kinds[at(i)]->value_size;
+    if (!all_finite(x, at(size))) {
+      throw InputError(
+          fmt::format("the value of {} in a local map is not finite", to_string(map.keys[at(i)])));
     }
     submaps_.term_value.push_back(static_cast<std::int64_t>(submaps_.values.size()));
     submaps_.values.insert(submaps_.values.end(), x, x + size);
-    submap_keys_.terms.push_back(map.keys[doubles(i)]);
-    submap_keys_.kinds.push_back(map.kinds[doubles(i)]);
+    submap_keys_.terms.push_back(map.keys[at(i)]);
+    submap_keys_.kinds.push_back(map.kinds[at(i)]);
   }
   submaps_.term_start.push_back(static_cast<std::int64_t>(submap_keys_.terms.size()));
   const SymmetricBlockMatrix& info = map.information;
@@ -177,11 +174,11 @@ void MeasurementGraphBuilder<D>::add_submap(const LocalMap<D>& map, std::span<co
       const Eigen::Map<const Eigen::MatrixXd> block(info.block(s), info.dim(i), info.dim(j));
       if (!all_finite(block.data(), static_cast<std::size_t>(block.size()))) {
         throw InputError(fmt::format("the information of {} in a local map is not finite",
-                                     to_string(map.keys[doubles(i)])));
+                                     to_string(map.keys[at(i)])));
       }
-      const bool turned = place[doubles(i)] < place[doubles(j)];
-      submaps_.block_row.push_back(turned ? place[doubles(j)] : place[doubles(i)]);
-      submaps_.block_column.push_back(turned ? place[doubles(i)] : place[doubles(j)]);
+      const bool turned = place[at(i)] < place[at(j)];
+      submaps_.block_row.push_back(turned ? place[at(j)] : place[at(i)]);
+      submaps_.block_column.push_back(turned ? place[at(i)] : place[at(j)]);
       submaps_.block_value.push_back(static_cast<std::int64_t>(submaps_.information.size()));
       const Eigen::MatrixXd stored =
           turned ? Eigen::MatrixXd(block.transpose()) : Eigen::MatrixXd(block);
@@ -269,34 +266,34 @@ template <int D>
 MeasurementGraph<D> subgraph(const MeasurementGraph<D>& graph,
                              std::span<const std::int64_t> observations) {
   MeasurementGraph<D> out;
-  std::vector<int> place(doubles(graph.variables.size()), -1);
+  std::vector<int> place(at(graph.variables.size()), -1);
   const CliqueList all = cliques(graph);
   for (const std::int64_t k : observations) {
     for (std::int64_t v = all.start[static_cast<std::size_t>(k)];
          v < all.start[static_cast<std::size_t>(k) + 1]; ++v) {
-      place[doubles(all.variables[static_cast<std::size_t>(v)])] = 0;
+      place[at(all.variables[static_cast<std::size_t>(v)])] = 0;
     }
   }
   std::vector<int> kept;
   for (int i = 0; i < graph.variables.size(); ++i) {
-    if (place[doubles(i)] < 0) continue;
-    place[doubles(i)] = static_cast<int>(kept.size());
+    if (place[at(i)] < 0) continue;
+    place[at(i)] = static_cast<int>(kept.size());
     kept.push_back(i);
   }
   out.variables = subset(graph.variables, kept);
-  std::size_t at = 0;
+  std::size_t next = 0;
   std::int64_t first = 0;
   for (const auto& c : graph.relative) {
     RelativeMeasurements<D> part;
     part.kind = c.kind;
-    const auto values = doubles(c.kind->value_size);
-    const auto infos = doubles(c.kind->dim * c.kind->dim);
-    for (;
-         at < observations.size() && observations[at] < first + static_cast<std::int64_t>(c.size());
-         ++at) {
-      const auto k = static_cast<std::size_t>(observations[at] - first);
-      part.from.push_back(place[doubles(c.from[k])]);
-      part.to.push_back(place[doubles(c.to[k])]);
+    const auto values = at(c.kind->value_size);
+    const auto infos = at(c.kind->dim * c.kind->dim);
+    for (; next < observations.size() &&
+           observations[next] < first + static_cast<std::int64_t>(c.size());
+         ++next) {
+      const auto k = static_cast<std::size_t>(observations[next] - first);
+      part.from.push_back(place[at(c.from[k])]);
+      part.to.push_back(place[at(c.to[k])]);
       part.z.insert(part.z.end(), c.z.begin() + static_cast<std::ptrdiff_t>(k * values),
                     c.z.begin() + static_cast<std::ptrdiff_t>((k + 1) * values));
       part.info.insert(part.info.end(), c.info.begin() + static_cast<std::ptrdiff_t>(k * infos),
@@ -307,18 +304,18 @@ MeasurementGraph<D> subgraph(const MeasurementGraph<D>& graph,
   }
   const auto& from = graph.submaps;
   auto& to = out.submaps;
-  for (; at < observations.size(); ++at) {
-    const auto k = static_cast<std::size_t>(observations[at] - first);
+  for (; next < observations.size(); ++next) {
+    const auto k = static_cast<std::size_t>(observations[next] - first);
     to.anchors.push_back(from.anchors[k]);
     for (auto a = static_cast<std::size_t>(from.anchor_start[k]);
          a < static_cast<std::size_t>(from.anchor_start[k + 1]); ++a) {
-      to.anchor_variables.push_back(place[doubles(from.anchor_variables[a])]);
+      to.anchor_variables.push_back(place[at(from.anchor_variables[a])]);
     }
     to.anchor_start.push_back(static_cast<std::int64_t>(to.anchor_variables.size()));
     const auto t0 = static_cast<std::size_t>(from.term_start[k]);
     for (auto t = t0; t < static_cast<std::size_t>(from.term_start[k + 1]); ++t) {
       const int v = from.term_variable[t];
-      to.term_variable.push_back(place[doubles(v)]);
+      to.term_variable.push_back(place[at(v)]);
       to.term_value.push_back(static_cast<std::int64_t>(to.values.size()));
       const auto x = from.values.begin() + from.term_value[t];
       to.values.insert(to.values.end(), x, x + graph.variables.kind(v).value_size);
@@ -329,8 +326,8 @@ MeasurementGraph<D> subgraph(const MeasurementGraph<D>& graph,
       to.block_row.push_back(from.block_row[b]);
       to.block_column.push_back(from.block_column[b]);
       to.block_value.push_back(static_cast<std::int64_t>(to.information.size()));
-      const int rows = graph.variables.dim(from.term_variable[t0 + doubles(from.block_row[b])]);
-      const int cols = graph.variables.dim(from.term_variable[t0 + doubles(from.block_column[b])]);
+      const int rows = graph.variables.dim(from.term_variable[t0 + at(from.block_row[b])]);
+      const int cols = graph.variables.dim(from.term_variable[t0 + at(from.block_column[b])]);
       const auto x = from.information.begin() + from.block_value[b];
       to.information.insert(to.information.end(), x, x + rows * cols);
     }
@@ -348,11 +345,11 @@ std::vector<MeasurementGraph<D>> connected_components(const MeasurementGraph<D>&
     for (auto v = first + 1; v < static_cast<std::size_t>(all.start[k + 1]); ++v)
       linked.unite(all.variables[first], all.variables[v]);
   }
-  std::vector<int> number(doubles(linked.size()), -1);
+  std::vector<int> number(at(linked.size()), -1);
   std::vector<std::vector<std::int64_t>> members;
   for (int i = 0; i < graph.variables.size(); ++i) {
     if (linked.root(i) == i) {
-      number[doubles(i)] = static_cast<int>(members.size());
+      number[at(i)] = static_cast<int>(members.size());
       members.emplace_back();
     }
   }
@@ -363,7 +360,7 @@ std::vector<MeasurementGraph<D>> connected_components(const MeasurementGraph<D>&
   }
   for (std::size_t k = 0; k < all.size(); ++k) {
     const int v = all.variables[static_cast<std::size_t>(all.start[k])];
-    members[doubles(number[doubles(linked.root(v))])].push_back(static_cast<std::int64_t>(k));
+    members[at(number[at(linked.root(v))])].push_back(static_cast<std::int64_t>(k));
   }
   for (const auto& observations : members) out.push_back(subgraph(graph, observations));
   return out;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "mapjoin/graph/index.h"
+
 namespace mapjoin {
 
 namespace {
@@ -28,7 +30,7 @@ class LeafGrower {
     if (pose_column_ >= 0) {
       const int end = scratch_.column_start[static_cast<std::size_t>(pose_column_) + 1];
       for (int k = scratch_.column_start[static_cast<std::size_t>(pose_column_)]; k < end; ++k) {
-        if (stamp_[index(k)] < 0) out.push_back(grow_from(k, static_cast<int>(out.size())));
+        if (stamp_[at(k)] < 0) out.push_back(grow_from(k, static_cast<int>(out.size())));
       }
     }
     for (std::size_t o = 0; o < observations_.size(); ++o) {
@@ -38,33 +40,30 @@ class LeafGrower {
   }
 
  private:
-  static std::size_t index(std::int64_t k) { return static_cast<std::size_t>(k); }
-
   struct Located {  // an observation: which relative column and row, or which submap
     const RelativeMeasurements<D>* column = nullptr;
     std::size_t row = 0;
   };
   Located locate(std::int64_t observation) const {
     for (const auto& column : graph_.relative) {
-      if (observation < static_cast<std::int64_t>(column.size()))
-        return {&column, index(observation)};
+      if (observation < static_cast<std::int64_t>(column.size())) return {&column, at(observation)};
       observation -= static_cast<std::int64_t>(column.size());
     }
-    return {nullptr, index(observation)};
+    return {nullptr, at(observation)};
   }
 
   template <class F>
-  void for_variables(const Located& at, F&& f) const {
-    if (at.column != nullptr) {
-      f(at.column->from[at.row]);
-      f(at.column->to[at.row]);
+  void for_variables(const Located& here, F&& f) const {
+    if (here.column != nullptr) {
+      f(here.column->from[here.row]);
+      f(here.column->to[here.row]);
       return;
     }
     const auto& maps = graph_.submaps;
-    for (auto a = maps.anchor_start[at.row]; a < maps.anchor_start[at.row + 1]; ++a)
-      f(maps.anchor_variables[index(a)]);
-    for (auto t = maps.term_start[at.row]; t < maps.term_start[at.row + 1]; ++t)
-      f(maps.term_variable[index(t)]);
+    for (auto a = maps.anchor_start[here.row]; a < maps.anchor_start[here.row + 1]; ++a)
+      f(maps.anchor_variables[at(a)]);
+    for (auto t = maps.term_start[here.row]; t < maps.term_start[here.row + 1]; ++t)
+      f(maps.term_variable[at(t)]);
   }
 
   bool is_pose(int variable) const { return all_.column_of(variable) == pose_column_; }
@@ -90,19 +89,20 @@ class LeafGrower {
     incidence_start_.assign(scratch_.variables.size() + 1, 0);
     const auto visit = [&](auto&& f) {
       for (std::size_t o = 0; o < observations_.size(); ++o) {
-        const Located at = locate(observations_[o]);
-        if (at.column == nullptr && graph_.submaps.anchors[at.row]->tag != Tag("pose")) continue;
-        for_variables(at, [&](int v) {
-          if (is_pose(v)) f(index(places_[v]), static_cast<int>(o));
+        const Located here = locate(observations_[o]);
+        if (here.column == nullptr && graph_.submaps.anchors[here.row]->tag != Tag("pose"))
+          continue;
+        for_variables(here, [&](int v) {
+          if (is_pose(v)) f(at(places_[v]), static_cast<int>(o));
         });
       }
     };
     visit([&](std::size_t k, int) { ++incidence_start_[k + 1]; });
     for (std::size_t k = 0; k < scratch_.variables.size(); ++k)
       incidence_start_[k + 1] += incidence_start_[k];
-    incidence_.resize(index(incidence_start_.back()));
+    incidence_.resize(at(incidence_start_.back()));
     std::vector<int> fill(incidence_start_.begin(), incidence_start_.end() - 1);
-    visit([&](std::size_t k, int o) { incidence_[index(fill[k]++)] = o; });
+    visit([&](std::size_t k, int o) { incidence_[at(fill[k]++)] = o; });
   }
 
   double* value(int k) { return value_of(all_, scratch_, k); }
@@ -111,27 +111,27 @@ class LeafGrower {
   /// Sets variable k from its value z in the frame of T, unless the growing piece has it. A pose of
   /// an earlier piece grows there, and is only in this one when that stands `alone`.
   void put(int k, const Rigid<D>& T, const double* z, int stamp, bool alone = false) {
-    if (stamp_[index(k)] == stamp) return;
-    const int c = all_.column_of(scratch_.variables[index(k)]);
-    if (c == pose_column_ && stamp_[index(k)] >= 0 && !alone) return;
+    if (stamp_[at(k)] == stamp) return;
+    const int c = all_.column_of(scratch_.variables[at(k)]);
+    if (c == pose_column_ && stamp_[at(k)] >= 0 && !alone) return;
     const VariableKind<D>& kind = *all_.column(c).kind;
     double* const x = value(k);
     std::memcpy(x, z, static_cast<std::size_t>(kind.value_size) * sizeof(double));
     kind.transform(T, x, 1);
-    stamp_[index(k)] = stamp;
+    stamp_[at(k)] = stamp;
     members_.push_back(k);
     if (c == pose_column_) queue_.push_back(k);
   }
 
   void spread(int o, int from, int stamp) {
-    used_[index(o)] = true;
-    const Located at = locate(observations_[index(o)]);
+    used_[at(o)] = true;
+    const Located here = locate(observations_[at(o)]);
     const Rigid<D> identity;
-    if (at.column != nullptr) {
-      const int a = places_[at.column->from[at.row]];
-      const int b = places_[at.column->to[at.row]];
-      const double* z =
-          at.column->z.data() + at.row * static_cast<std::size_t>(at.column->kind->value_size);
+    if (here.column != nullptr) {
+      const int a = places_[here.column->from[here.row]];
+      const int b = places_[here.column->to[here.row]];
+      const double* z = here.column->z.data() +
+                        here.row * static_cast<std::size_t>(here.column->kind->value_size);
       if (a == from) {
         put(b, pose(a), z, stamp);
       } else {
@@ -141,20 +141,20 @@ class LeafGrower {
       return;
     }
     const auto& maps = graph_.submaps;
-    const int a = places_[maps.anchor_variables[index(maps.anchor_start[at.row])]];
+    const int a = places_[maps.anchor_variables[at(maps.anchor_start[here.row])]];
     Rigid<D> T = pose(a);
     if (a != from) {
-      for (auto t = maps.term_start[at.row]; t < maps.term_start[at.row + 1]; ++t) {
-        if (places_[maps.term_variable[index(t)]] != from) continue;
-        const double* z = maps.values.data() + maps.term_value[index(t)];
+      for (auto t = maps.term_start[here.row]; t < maps.term_start[here.row + 1]; ++t) {
+        if (places_[maps.term_variable[at(t)]] != from) continue;
+        const double* z = maps.values.data() + maps.term_value[at(t)];
         T = pose(from) * reinterpret_cast<const Rigid<D>*>(z)->inverse();
         break;
       }
       put(a, T, reinterpret_cast<const double*>(&identity), stamp);
       T = pose(a);
     }
-    for (auto t = maps.term_start[at.row]; t < maps.term_start[at.row + 1]; ++t) {
-      put(places_[maps.term_variable[index(t)]], T, maps.values.data() + maps.term_value[index(t)],
+    for (auto t = maps.term_start[here.row]; t < maps.term_start[here.row + 1]; ++t) {
+      put(places_[maps.term_variable[at(t)]], T, maps.values.data() + maps.term_value[at(t)],
           stamp);
     }
   }
@@ -165,13 +165,13 @@ class LeafGrower {
     std::vector<std::int64_t> taken;
     const Rigid<D> identity;
     put(seed, identity, reinterpret_cast<const double*>(&identity), stamp);
-    for (std::size_t at = 0; at < queue_.size(); ++at) {
-      const int k = queue_[at];
-      for (int i = incidence_start_[index(k)]; i < incidence_start_[index(k) + 1]; ++i) {
-        const int o = incidence_[index(i)];
-        if (used_[index(o)]) continue;
+    for (std::size_t next = 0; next < queue_.size(); ++next) {
+      const int k = queue_[next];
+      for (int i = incidence_start_[at(k)]; i < incidence_start_[at(k) + 1]; ++i) {
+        const int o = incidence_[at(i)];
+        if (used_[at(o)]) continue;
         spread(o, k, stamp);
-        taken.push_back(observations_[index(o)]);
+        taken.push_back(observations_[at(o)]);
       }
     }
     return extract(std::move(taken));
@@ -182,23 +182,23 @@ class LeafGrower {
     members_.clear();
     queue_.clear();
     used_[o] = true;
-    const Located at = locate(observations_[o]);
+    const Located here = locate(observations_[o]);
     const auto& maps = graph_.submaps;
-    for (auto t = maps.term_start[at.row]; t < maps.term_start[at.row + 1]; ++t) {
-      put(places_[maps.term_variable[index(t)]], Rigid<D>(),
-          maps.values.data() + maps.term_value[index(t)], stamp, true);
+    for (auto t = maps.term_start[here.row]; t < maps.term_start[here.row + 1]; ++t) {
+      put(places_[maps.term_variable[at(t)]], Rigid<D>(),
+          maps.values.data() + maps.term_value[at(t)], stamp, true);
     }
     std::vector<double*> anchor;
-    for (auto a = maps.anchor_start[at.row]; a < maps.anchor_start[at.row + 1]; ++a) {
-      const int k = places_[maps.anchor_variables[index(a)]];
-      if (stamp_[index(k)] != stamp) {  // no term: pinned whole, so the frame knows it
-        std::fill_n(value(k), all_.kind(scratch_.variables[index(k)]).value_size, 0.0);
-        stamp_[index(k)] = stamp;
+    for (auto a = maps.anchor_start[here.row]; a < maps.anchor_start[here.row + 1]; ++a) {
+      const int k = places_[maps.anchor_variables[at(a)]];
+      if (stamp_[at(k)] != stamp) {  // no term: pinned whole, so the frame knows it
+        std::fill_n(value(k), all_.kind(scratch_.variables[at(k)]).value_size, 0.0);
+        stamp_[at(k)] = stamp;
         members_.push_back(k);
       }
       anchor.push_back(value(k));
     }
-    maps.anchors[at.row]->pin(anchor.data());
+    maps.anchors[here.row]->pin(anchor.data());
     return extract({observations_[o]});
   }
 
@@ -206,14 +206,14 @@ class LeafGrower {
     std::sort(members_.begin(), members_.end());
     std::vector<int> variables;
     variables.reserve(members_.size());
-    for (const int k : members_) variables.push_back(scratch_.variables[index(k)]);
+    for (const int k : members_) variables.push_back(scratch_.variables[at(k)]);
     Piece<D> out = make_piece(all_, std::move(variables));
     std::size_t c = 0;
     for (int k = 0; k < out.size(); ++k) {
       while (k >= out.column_start[c + 1]) ++c;
       const auto size = static_cast<std::size_t>(all_.column(static_cast<int>(c)).kind->value_size);
       std::memcpy(out.data[c].data() + static_cast<std::size_t>(k - out.column_start[c]) * size,
-                  value(members_[index(k)]), size * sizeof(double));
+                  value(members_[at(k)]), size * sizeof(double));
     }
     out.observations = std::move(observations);
     return out;

@@ -176,6 +176,10 @@ inline CliqueProblem grid_problem(int rows, int columns, int dim, unsigned seed 
   return problem;
 }
 
+inline BlockGraph graph_of(const CliqueProblem& problem) {
+  return block_graph(static_cast<std::int32_t>(problem.dims().size()), problem.cliques());
+}
+
 inline FrontalStructure analyze(const CliqueProblem& problem, const OrderingOptions& ordering = {},
                                 const MergingOptions& merging = {}) {
   return mapjoin::analyze(problem.dims(), problem.cliques(),

@@ -23,6 +23,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 using testing_support::analyze;
+using testing_support::graph_of;
 using testing_support::grid_problem;
 using testing_support::random_dims;
 using testing_support::random_problem;
@@ -111,8 +112,7 @@ TEST(FrontalCholesky, GivesTheSameBitsForAnyNumberOfThreads) {
 TEST(FrontalCholesky, AnalysesTheSameOnAnyNumberOfThreads) {
   for (const Problem& problem : {grid_problem(40, 40, 3), random_problem(150, 900, 2)}) {
     const FrontalStructure one = analyze(problem);  // from the cliques' stars alone
-    const BlockGraph graph =
-        block_graph(static_cast<std::int32_t>(problem.dims().size()), problem.cliques());
+    const BlockGraph graph = graph_of(problem);
     const auto order = order_blocks(problem.dims(), graph);
     for (const int threads : {1, 2, 3}) {
       WorkerPool pool(threads);

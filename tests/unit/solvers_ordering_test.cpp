@@ -21,14 +21,11 @@
 namespace mapjoin {
 namespace {
 
+using testing_support::graph_of;
 using testing_support::grid_problem;
 using testing_support::random_problem;
 using Problem = testing_support::CliqueProblem;
 using Index = std::int32_t;
-
-BlockGraph graph_of(const Problem& problem) {
-  return block_graph(static_cast<Index>(problem.dims().size()), problem.cliques());
-}
 
 std::vector<Index> ordered(const Problem& problem, OrderingMethod method, int threads = 1) {
   WorkerPool pool(threads);

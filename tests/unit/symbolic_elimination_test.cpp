@@ -8,7 +8,6 @@
 #include <set>
 #include <vector>
 
-#include "mapjoin/graph/error.h"
 #include "mapjoin/solvers/block_ordering.h"
 #include "mapjoin/solvers/fronts.h"
 #include "tests/support/clique_problem.h"
@@ -17,16 +16,11 @@ namespace mapjoin {
 namespace {
 
 using testing_support::analyze;
+using testing_support::graph_of;
 using testing_support::grid_problem;
 using testing_support::random_problem;
 using Index = std::int32_t;
 using Problem = testing_support::CliqueProblem;
-
-Index size_of(const Problem& problem) { return static_cast<Index>(problem.dims().size()); }
-
-BlockGraph graph_of(const Problem& problem) {
-  return block_graph(size_of(problem), problem.cliques());
-}
 
 std::vector<Index> shuffled(Index size, unsigned seed) {
   std::vector<Index> order(static_cast<std::size_t>(size));
