@@ -44,11 +44,32 @@ struct RelativeBatch {
   const std::int32_t* offsets = nullptr;  ///< pairs (from, to): first scalar rows in the target
 };
 
-/// Residual and Jacobians of a measurement from a pose, and their normal equations.
+/// The k-th of an array of values.
+template <VariableType T>
+const ValueOf<T>& value_at(const double* x, std::int64_t k) {
+  return reinterpret_cast<const ValueOf<T>*>(x)[k];
+}
+
+/// r of measurement k of a batch, and its derivatives by the observed variable and, negative, by
+/// the pose.
 ///
 /// With the pose a as the local map's anchor: x' = a^-1 x, r = local(z, x'), and by the chain
 /// through the change of frame, J_x = S D and J_a = -S g(x'), S = d local(z, x') (the anchor's C
 /// and P are identities, DESIGN section 3).
+template <VariableType T>
+Vec<T::dim> relative_residual(const RelativeBatch<T::ambient>& batch, std::size_t k,
+                              Mat<T::dim, T::dim>& Jx, Mat<T::dim, kGauge<T::ambient>>& minus_Ja) {
+  const auto from_map = value_at<PoseType<T::ambient>>(batch.poses, batch.slots[2 * k]).inverse();
+  const ValueOf<T>& x = value_at<T>(batch.values, batch.slots[2 * k + 1]);
+  const Vec<T::dim> r = linearized_local<T>(
+      value_at<T>(batch.z, batch.id[k]), T::template transform<double>(from_map, x), Jx, minus_Ja);
+  if constexpr (T::action != FrameAction::kBody && T::action != FrameAction::kInvariant)
+    Jx = Mat<T::dim, T::dim>(Jx * frame_jacobian<T>(from_map, x));
+  return r;
+}
+
+/// Measurements from poses, and their normal equations. Loops with nothing called inside: calls
+/// would be a twentieth of a run.
 template <VariableType T>
 struct RelativeKernel {
   static constexpr int D = T::ambient;
@@ -56,20 +77,14 @@ struct RelativeKernel {
   static constexpr int G = kGauge<D>;
   using Value = ValueOf<T>;
 
-  static const Value& value(const double* x, std::int64_t k) {
-    return reinterpret_cast<const Value*>(x)[k];
-  }
-  static const Rigid<D>& pose(const double* x, std::int64_t k) {
-    return reinterpret_cast<const Rigid<D>*>(x)[k];
-  }
-
   /// Adds J^T I J and -J^T I r to the target; returns the sum of r^T I r.
-  static double linearize(const RelativeBatch<D>& batch, const DenseTarget& target) {
+  [[gnu::flatten]] static double linearize(const RelativeBatch<D>& batch,
+                                           const DenseTarget& target) {
     double sum = 0.0;
     for (std::size_t k = 0; k < batch.size; ++k) {
       Mat<N, N> Jx;
       Mat<N, G> minus_Ja;
-      const Vec<N> r = residual(batch, k, Jx, minus_Ja);
+      const Vec<N> r = relative_residual<T>(batch, k, Jx, minus_Ja);
       const Columns J = columns_of(minus_Ja, Jx, r);
       sum += add(J, batch.info + batch.id[k] * std::int64_t{N * N}, batch.offsets[2 * k],
                  batch.offsets[2 * k + 1], target);
@@ -78,12 +93,12 @@ struct RelativeKernel {
   }
 
   /// Adds -J^T I r alone, to `rhs`, by the batch's offsets; returns the sum of r^T I r.
-  static double gradient(const RelativeBatch<D>& batch, double* rhs) {
+  [[gnu::flatten]] static double gradient(const RelativeBatch<D>& batch, double* rhs) {
     double sum = 0.0;
     for (std::size_t k = 0; k < batch.size; ++k) {
       Mat<N, N> Jx;
       Mat<N, G> minus_Ja;
-      const Vec<N> r = residual(batch, k, Jx, minus_Ja);
+      const Vec<N> r = relative_residual<T>(batch, k, Jx, minus_Ja);
       const Eigen::Map<const Mat<N, N>> info(batch.info + batch.id[k] * std::int64_t{N * N});
       const Vec<N> weighted = info * r;
       Eigen::Map<Vec<G>>(rhs + batch.offsets[2 * k]).noalias() += minus_Ja.transpose() * weighted;
@@ -93,32 +108,20 @@ struct RelativeKernel {
     return sum;
   }
 
-  static double chi2(const RelativeBatch<D>& batch) {
+  [[gnu::flatten]] static double chi2(const RelativeBatch<D>& batch) {
     double sum = 0.0;
     for (std::size_t k = 0; k < batch.size; ++k) {
       const std::int64_t id = batch.id[k];
-      const Value seen =
-          T::template transform<double>(pose(batch.poses, batch.slots[2 * k]).inverse(),
-                                        value(batch.values, batch.slots[2 * k + 1]));
-      const Vec<N> r = T::template local<double>(value(batch.z, id), seen);
+      const Value seen = T::template transform<double>(
+          value_at<PoseType<D>>(batch.poses, batch.slots[2 * k]).inverse(),
+          value_at<T>(batch.values, batch.slots[2 * k + 1]));
+      const Vec<N> r = T::template local<double>(value_at<T>(batch.z, id), seen);
       sum += r.dot(Eigen::Map<const Mat<N, N>>(batch.info + id * (N * N)) * r);
     }
     return sum;
   }
 
  private:
-  /// r of measurement k, and its derivatives by the observed variable and, negative, by the pose.
-  static Vec<N> residual(const RelativeBatch<D>& batch, std::size_t k, Mat<N, N>& Jx,
-                         Mat<N, G>& minus_Ja) {
-    const Rigid<D> from_map = pose(batch.poses, batch.slots[2 * k]).inverse();
-    const Value& x = value(batch.values, batch.slots[2 * k + 1]);
-    const Vec<N> r = linearized_local<T>(value(batch.z, batch.id[k]),
-                                         T::template transform<double>(from_map, x), Jx, minus_Ja);
-    if constexpr (T::action != FrameAction::kBody && T::action != FrameAction::kInvariant)
-      Jx = Mat<N, N>(Jx * frame_jacobian<T>(from_map, x));
-    return r;
-  }
-
   static constexpr int W = G + N;                 ///< scalars of the pose and of the variable
   static constexpr int Padded = (W + 8) / 8 * 8;  ///< with r, to whole vectors
 
@@ -168,5 +171,10 @@ struct RelativeKernel {
     return square;
   }
 };
+
+extern template struct RelativeKernel<PoseType<2>>;
+extern template struct RelativeKernel<PoseType<3>>;
+extern template struct RelativeKernel<PointType<2>>;
+extern template struct RelativeKernel<PointType<3>>;
 
 }  // namespace mapjoin
