@@ -97,7 +97,7 @@ void add_join_arguments(CLI::App& command, JoinArguments& a) {
   command
       .add_option("--tolerance", a.tolerance,
                   "In optimal mode: refine until no more than this fraction of chi2 is left above "
-                  "its minimum, by an estimate that is rather too large; at most 1e-3 [2e-7]")
+                  "its minimum, by an estimate; at most 1e-3 [3e-7, which leaves less than 1e-6]")
       ->type_name("FRACTION");
   command
       .add_option("--anchor", a.anchor,

@@ -90,6 +90,13 @@ struct PoseType {
     }
     return r;
   }
+  static Vec<dim> transport(const Rigid<D>& x, const Rigid<D>& y, const Vec<dim>& d) {
+    Vec<dim> out = d;
+    out.template head<D>().noalias() = y.R.transpose() * Vec<D>(x.R * d.template head<D>());
+    if constexpr (D == 3)
+      out.template tail<3>().noalias() = y.R.transpose() * Vec<3>(x.R * d.template tail<3>());
+    return out;
+  }
   static Vec<D> position(const Rigid<D>& x) { return x.t; }
   static Mat<D, D> rotation(const Rigid<D>& x) { return x.R; }
 };

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "mapjoin/graph/index.h"
+
 namespace mapjoin {
 
 template <int D>
@@ -51,19 +53,44 @@ Piece<D> to_piece(const VariableSet<D>& all, const Values<D>& values) {
   return piece;
 }
 
-template <int D>
-void retract(const VariableSet<D>& all, Piece<D>& piece, std::span<const double> d, int first,
-             int last) {
+namespace {
+
+/// Calls with the variables at places first .. last - 1 of a piece, column by column: (column, its
+/// kind, first double in the column's values, first scalar in the piece's tangent, variables).
+template <int D, class F>
+void for_each_stretch(const VariableSet<D>& all, const Piece<D>& piece, int first, int last,
+                      F&& call) {
   std::size_t scalar = 0;
   for (std::size_t c = 0; c < piece.data.size(); ++c) {
     const VariableKind<D>& kind = *all.column(static_cast<int>(c)).kind;
     const int from = std::clamp(first - piece.column_start[c], 0, piece.column_size(c));
     const int to = std::clamp(last - piece.column_start[c], from, piece.column_size(c));
-    kind.retract(piece.data[c].data() + static_cast<std::ptrdiff_t>(from) * kind.value_size,
-                 d.data() + scalar + static_cast<std::ptrdiff_t>(from) * kind.dim,
-                 static_cast<std::size_t>(to - from));
-    scalar += static_cast<std::size_t>(piece.column_size(c)) * static_cast<std::size_t>(kind.dim);
+    call(c, kind, at(from) * at(kind.value_size), scalar + at(from) * at(kind.dim), at(to - from));
+    scalar += at(piece.column_size(c)) * at(kind.dim);
   }
+}
+
+}  // namespace
+
+template <int D>
+void retract(const VariableSet<D>& all, Piece<D>& piece, std::span<const double> d, int first,
+             int last) {
+  for_each_stretch(
+      all, piece, first, last,
+      [&](std::size_t c, const VariableKind<D>& kind, std::size_t value, std::size_t scalar,
+          std::size_t n) { kind.retract(piece.data[c].data() + value, d.data() + scalar, n); });
+}
+
+template <int D>
+void transport(const VariableSet<D>& all, const std::vector<std::vector<double>>& from,
+               const Piece<D>& piece, std::span<double> d, int first, int last) {
+  for_each_stretch(all, piece, first, last,
+                   [&](std::size_t c, const VariableKind<D>& kind, std::size_t value,
+                       std::size_t scalar, std::size_t n) {
+                     if (kind.transport == nullptr) return;
+                     kind.transport(from[c].data() + value, piece.data[c].data() + value,
+                                    d.data() + scalar, n);
+                   });
 }
 
 template <int D>
@@ -86,6 +113,8 @@ std::vector<int> offsets_of(const VariableSet<D>& all, const Piece<D>& piece) {
   template Piece<D> to_piece<D>(const VariableSet<D>&, const Values<D>&);                        \
   template void retract<D>(const VariableSet<D>&, Piece<D>&, std::span<const double>);           \
   template void retract<D>(const VariableSet<D>&, Piece<D>&, std::span<const double>, int, int); \
+  template void transport<D>(const VariableSet<D>&, const std::vector<std::vector<double>>&,     \
+                             const Piece<D>&, std::span<double>, int, int);                      \
   template std::vector<int> offsets_of<D>(const VariableSet<D>&, const Piece<D>&);               \
   template Piece<D> make_piece<D>(const VariableSet<D>&, std::vector<int>);                      \
   template void move<D>(const VariableSet<D>&, Piece<D>&, const Rigid<D>&);                      \

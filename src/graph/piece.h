@@ -61,6 +61,13 @@ template <int D>
 void retract(const VariableSet<D>& all, Piece<D>& piece, std::span<const double> d, int first,
              int last);
 
+/// Tangents at `from` become those at the piece's values that do the same in the map's frame, for
+/// the variables at places first .. last - 1 of the piece; `from` is as piece.data is, `d` that of
+/// all.
+template <int D>
+void transport(const VariableSet<D>& all, const std::vector<std::vector<double>>& from,
+               const Piece<D>& piece, std::span<double> d, int first, int last);
+
 /// First scalar of every variable of the piece in its stacked tangent, and the number of scalars at
 /// the end.
 template <int D>

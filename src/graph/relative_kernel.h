@@ -42,6 +42,9 @@ struct RelativeBatch {
   const double* values = nullptr;         ///< current estimate of the observed type
   const std::int32_t* slots = nullptr;    ///< pairs (from, to): places in poses and values
   const std::int32_t* offsets = nullptr;  ///< pairs (from, to): first scalar rows in the target
+  /// Estimates where a matrix was made that is to serve once more.
+  const double* poses_then = nullptr;
+  const double* values_then = nullptr;
 };
 
 /// The k-th of an array of values.

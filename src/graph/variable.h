@@ -45,6 +45,9 @@
 ///     local_jacobian(x, y) -> dim x dim      d local(x, retract(y, d)) / dd at d = 0, likewise
 ///     linearized_local(x, y, S, Sg) -> Vec<dim>  local, and by reference S = local_jacobian(x, y)
 ///                                            and S gauge(y), where together they cost less
+///     transport(x, y, d) -> Vec<dim>         the tangent at y that does in the map's frame what d
+///                                            does at x; keeps lengths, and transport(y, x, .)
+///                                            takes it back. Absent: d itself
 ///     position(x) -> Vec<ambient>            a point that moves with the variable
 ///     rotation(x) -> Mat<ambient, ambient>   an orientation that moves with it
 ///     direction(x) -> Vec<ambient>           a unit vector that turns with it
@@ -175,6 +178,16 @@ Vec<T::dim> linearized_local(const ValueOf<T>& x, const ValueOf<T>& y, Mat<T::di
     S = local_jacobian<T>(x, y);
     Sg.noalias() = S * gauge<T>(y);
     return T::template local<double>(x, y);
+  }
+}
+
+/// The tangent at y that does in the map's frame what d does at x.
+template <VariableType T>
+TangentOf<T> transport(const ValueOf<T>& x, const ValueOf<T>& y, const TangentOf<T>& d) {
+  if constexpr (HasTransport<T>) {
+    return T::transport(x, y, d);
+  } else {
+    return d;
   }
 }
 

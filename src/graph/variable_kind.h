@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "mapjoin/graph/builtin_types.h"
+#include "mapjoin/graph/correction_kernel.h"
 #include "mapjoin/graph/key.h"
 #include "mapjoin/graph/relative_kernel.h"
 
@@ -32,6 +33,8 @@ struct VariableKind {
   void (*gauge)(const double* x, std::size_t n, double* out) = nullptr;
   /// x[k] = x[k] [+] d[k].
   void (*retract)(double* x, const double* d, std::size_t n) = nullptr;
+  /// d[k] = transport(x[k], y[k], d[k]). Null where tangents stay as they are.
+  void (*transport)(const double* x, const double* y, double* d, std::size_t n) = nullptr;
   /// r[k] = local(x[k], y[k]).
   void (*local)(const double* x, const double* y, std::size_t n, double* r) = nullptr;
   /// S[k] = d local(x[k], y[k] [+] d) / dd.
@@ -48,6 +51,8 @@ struct VariableKind {
   double (*linearize_relative)(const RelativeBatch<D>&, const DenseTarget&) = nullptr;
   /// Their right-hand side alone, and chi2.
   double (*gradient_relative)(const RelativeBatch<D>&, double* rhs) = nullptr;
+  /// That for a matrix of batch.poses_then and values_then, and chi2 of now.
+  double (*correction_relative)(const RelativeBatch<D>&, double* rhs) = nullptr;
   /// Their chi2 alone.
   double (*chi2_relative)(const RelativeBatch<D>&) = nullptr;
 };
@@ -84,6 +89,12 @@ struct KindFunctions {
     Value* const v = values(x);
     for (std::size_t k = 0; k < n; ++k, d += N) {
       v[k] = T::template retract<double>(v[k], TangentOf<T>(Eigen::Map<const TangentOf<T>>(d)));
+    }
+  }
+  static void transport(const double* x, const double* y, double* d, std::size_t n) {
+    for (std::size_t k = 0; k < n; ++k, d += N) {
+      Eigen::Map<TangentOf<T>> out(d);
+      out = mapjoin::transport<T>(values(x)[k], values(y)[k], TangentOf<T>(out));
     }
   }
   static void local(const double* x, const double* y, std::size_t n, double* r) {
@@ -143,6 +154,7 @@ constexpr VariableKind<T::ambient> make_kind() {
   kind.frame_jacobian = &F::frame_jacobian;
   kind.gauge = &F::gauge;
   kind.retract = &F::retract;
+  kind.transport = HasTransport<T> ? &F::transport : nullptr;
   kind.local = &F::local;
   kind.local_jacobian = &F::local_jacobian;
   kind.positions = HasPosition<T> ? &F::positions : nullptr;
@@ -151,6 +163,7 @@ constexpr VariableKind<T::ambient> make_kind() {
   kind.offsets = HasOffset<T> ? &F::offsets : nullptr;
   kind.linearize_relative = &RelativeKernel<T>::linearize;
   kind.gradient_relative = &RelativeKernel<T>::gradient;
+  kind.correction_relative = &relative_correction<T>;
   kind.chi2_relative = &RelativeKernel<T>::chi2;
   return kind;
 }

@@ -116,6 +116,10 @@ concept NamesLocalJacobian = requires {
   &T::local_jacobian;
 };
 template <class T>
+concept NamesTransport = requires {
+  &T::transport;
+};
+template <class T>
 concept NamesPosition = requires {
   &T::position;
 };
@@ -146,6 +150,11 @@ concept HasGauge = requires(const detail::RawValue<T>& x) {
 template <class T>
 concept HasLocalJacobian = requires(const detail::RawValue<T>& x, const detail::RawValue<T>& y) {
   { T::local_jacobian(x, y) } -> detail::Gives<Mat<T::dim, T::dim>>;
+};
+template <class T>
+concept HasTransport = requires(const detail::RawValue<T>& x, const detail::RawValue<T>& y,
+                                const Vec<T::dim>& d) {
+  { T::transport(x, y, d) } -> detail::Gives<Vec<T::dim>>;
 };
 template <class T>
 concept HasPosition = requires(const detail::RawValue<T>& x) {
@@ -208,6 +217,10 @@ struct Described {
   static_assert(!complete || !NamesLocalJacobian<T> || HasLocalJacobian<T>,
                 "variable type: `local_jacobian` is wrong (leave it out and it is derived): static "
                 "Mat<dim, dim> local_jacobian(const Value<double>& x, const Value<double>& y)");
+  static_assert(!complete || !NamesTransport<T> || HasTransport<T>,
+                "variable type: `transport` is wrong (leave it out and tangents stay as they are): "
+                "static Vec<dim> transport(const Value<double>& x, const Value<double>& y, "
+                "const Vec<dim>& d)");
   static_assert(!complete || !NamesPosition<T> || HasPosition<T>,
                 "variable type: `position` is wrong: static Vec<ambient> "
                 "position(const Value<double>& x)");

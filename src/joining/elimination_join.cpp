@@ -99,9 +99,12 @@ class EliminationWalk {
         } else {
           std::sort(piece.observations.begin(), piece.observations.end());
         }
-        for (int s = 0; s < report_.root_solves; ++s) {
+        for (int s = 1; s <= report_.root_solves; ++s) {
+          if (s == report_.root_solves && options_.mode == Mode::kOptimal)
+            out.last_solve.values = piece.data;
           const auto step = linear_step(graph_, piece, *system_, cholesky, pool_);
-          out.last_solve = {step.chi2, step.predicted_decrease};
+          out.last_solve.chi2 = step.chi2;
+          out.last_solve.promised = step.predicted_decrease;
         }
         out.system = std::move(system_);
         continue;

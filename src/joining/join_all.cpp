@@ -140,11 +140,11 @@ template <int D>
 RefineResult refine_uncoiled(const MeasurementGraph<D>& graph, Piece<D>& piece,
                              ObservationSystem<D>& system, FrontalCholesky& cholesky,
                              WorkerPool& pool, Places& places, const JoinOptions& options,
-                             const LastSolve& last_solve, JoinReport& report) {
+                             LastSolve last_solve, JoinReport& report) {
   constexpr int kRounds = 8;
-  const auto refine_from = [&](const LastSolve& last) {
+  const auto refine_from = [&](LastSolve last) {
     return refine(graph, piece, system, cholesky, pool, options.max_refine_solves,
-                  options.refine_tolerance, options.progress, last);
+                  options.refine_tolerance, options.progress, std::move(last));
   };
   std::size_t laid = 0;
   std::vector<int> coiled = coiled_poses(graph, piece, places, pool);
@@ -153,7 +153,7 @@ RefineResult refine_uncoiled(const MeasurementGraph<D>& graph, Piece<D>& piece,
     lay_anew(graph, piece, places, coiled);
     laid += coiled.size();
   }
-  RefineResult result = refine_from(coiled.empty() ? last_solve : LastSolve());
+  RefineResult result = refine_from(coiled.empty() ? std::move(last_solve) : LastSolve());
   if (!coiled.empty()) result.chi2_before = linear;
   for (int round = 0; round < kRounds; ++round) {
     coiled = coiled_poses(graph, piece, places, pool);
@@ -217,8 +217,9 @@ JoinResult<D> join_ordered(const MeasurementGraph<D>& graph, std::span<const Key
     if (options.mode == Mode::kOptimal) {
       const auto refine_start = Clock::now();
       if (joined.cholesky == nullptr) joined.cholesky = cholesky_for(system, options);
-      const RefineResult refined = refine_uncoiled(graph, piece, system, *joined.cholesky, pool,
-                                                   places, options, joined.last_solve, report);
+      const RefineResult refined =
+          refine_uncoiled(graph, piece, system, *joined.cholesky, pool, places, options,
+                          std::move(joined.last_solve), report);
       report.chi2_linear += refined.chi2_before;
       report.chi2 += refined.chi2;
       report.refine_solves = std::max(report.refine_solves, refined.solves);

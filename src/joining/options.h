@@ -45,8 +45,9 @@ struct Progress {
 /// CancelledError.
 using ProgressCallback = std::function<bool(const Progress&)>;
 
-/// Of chi2: what refinement may leave above the minimum where nobody asks for another figure.
-inline constexpr double kRefineTolerance = 2e-7;
+/// Of chi2: what refinement may leave above the minimum, by its estimate, where nobody asks for
+/// another figure. Less than 1e-6 then: what is left was at most 2.7 times the estimate.
+inline constexpr double kRefineTolerance = 3e-7;
 /// The most that can be asked for: farther from the minimum the estimate of what is left is none.
 inline constexpr double kMostRefineTolerance = 1e-3;
 
@@ -67,7 +68,7 @@ struct JoinOptions {
                            ///< observe and optimal 2)
   int max_refine_solves = 100;
   /// Optimal mode: refinement ends when no more than this fraction of chi2 is left above its
-  /// minimum, by an estimate that is rather too large; 0 to kMostRefineTolerance.
+  /// minimum, by an estimate; 0 to kMostRefineTolerance.
   double refine_tolerance = kRefineTolerance;
   bool information = true;  ///< also compute the information matrix of the result
   ProgressCallback progress;

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
+#include <utility>
 
 #include "mapjoin/graph/error.h"
 #include "mapjoin/solvers/pool_loop.h"
@@ -46,17 +46,138 @@ void take_step(const MeasurementGraph<D>& graph, Piece<D>& piece, const Eigen::V
   run_loop(chunks, loop_on(pool), chunk);
 }
 
-/// Of chi2: after a step that promises no more the matrix may serve once more.
-constexpr double kSmallStep = 0.5;
-/// Of the tolerance: a chord step that promises more would not be the last.
-constexpr double kChordReach = 30.0;
+/// What is tried, one after the other, until a step is the last.
+enum class Kind { kChord, kCorrection, kWhole };
 
-/// What a whole step leaves above the minimum; see refine.
-double remainder(double decrease, double promised, double promised_before, bool chord) {
-  const double rate = (chord ? 4.0 : 1.0) * promised / promised_before;  // m^2
+/// How much slower than after whole steps promises fall after those of a kind.
+double lag(Kind kind) { return kind == Kind::kWhole ? 1.0 : kind == Kind::kChord ? 4.0 : 10.0; }
+
+/// What a step leaves above the minimum; see refine.
+double remainder(double decrease, double promised, double promised_before, Kind kind) {
+  const double rate = lag(kind) * promised / promised_before;  // m^2
   if (promised_before <= 0.0 || rate >= 1.0) return std::numeric_limits<double>::infinity();
   return std::max(std::abs(decrease - promised), promised * rate) / (1.0 - std::sqrt(rate));
 }
+
+/// One run of refine: where it is, and what the factor at hand is good for.
+template <int D>
+class Refinement {
+ public:
+  Refinement(const MeasurementGraph<D>& graph, Piece<D>& piece, ObservationSystem<D>& system,
+             FrontalCholesky& cholesky, WorkerPool& pool, double tolerance, LastSolve last_solve)
+      : graph_(graph),
+        piece_(piece),
+        system_(system),
+        cholesky_(cholesky),
+        pool_(pool),
+        tolerance_(tolerance),
+        promised_before_(last_solve.promised),
+        then_(std::move(last_solve.values)) {
+    next_ = after_whole(last_solve.chi2 - last_solve.promised);
+  }
+
+  RefineResult run(int most_solves, const ProgressCallback& progress) {
+    bool more = true;
+    while (more && result_.solves < most_solves) {
+      if (progress && !progress({"refine", static_cast<double>(result_.solves) / most_solves}))
+        throw CancelledError("cancelled while refining");
+      more = advance();
+    }
+    return result_;
+  }
+
+ private:
+  using Step = typename ObservationSystem<D>::Step;
+
+  /// After a step that promised more than this of chi2, much is no longer as it was.
+  Kind after_whole(double chi2) {
+    constexpr double kSmallStep = 0.5;
+    chi2_expected_ = chi2;
+    return promised_before_ >= 0.0 && promised_before_ <= kSmallStep * chi2 ? Kind::kChord
+                                                                            : Kind::kWhole;
+  }
+
+  /// The next step, into d_. One that cannot be the last, because of what it promises, is none.
+  Step find_step() {
+    constexpr double kChordReach = 20.0;  // of the tolerance
+    const double enough = tolerance_ * chi2_expected_;
+    if (next_ == Kind::kChord) {
+      const double most = kChordReach * enough;
+      if (const auto step = system_.solve_again(piece_, cholesky_, pool_, most, d_)) return *step;
+      next_ = Kind::kCorrection;
+    }
+    if (next_ == Kind::kCorrection && !then_.empty()) {
+      const double most = std::sqrt(enough * promised_before_ / lag(next_));  // see remainder
+      if (const auto step = system_.correct(then_, piece_, cholesky_, pool_, most, d_))
+        return *step;
+    }
+    next_ = Kind::kWhole;
+    ++result_.factorizations;
+    return solve(graph_, piece_, system_, cholesky_, pool_, d_);
+  }
+
+  /// Takes d_, but not where chi2 would increase. \returns whether it did.
+  bool take(double chi2_now) {
+    take_step(graph_, piece_, d_, pool_);
+    result_.chi2 = system_.chi2(piece_, pool_);
+    if (result_.chi2 <= chi2_now) return true;
+    piece_.data = before_;
+    result_.chi2 = chi2_now;
+    return false;
+  }
+
+  /// \returns whether more steps are needed.
+  bool advance() {
+    constexpr int kHalvings = 30;
+    constexpr double kRounding = 1e-14;  // of chi2: an exact fit ends at rounding errors
+    constexpr double kNothing = 0.01;  // of the tolerance: so small a promise needs no second look
+    const Step step = find_step();
+    const bool old_factor = next_ != Kind::kWhole;
+    if (result_.solves++ == 0) result_.chi2_before = step.chi2;
+    const double promised = step.predicted_decrease;
+    const double enough = std::max(tolerance_ * step.chi2, kRounding);
+    const bool last = promised <= std::max(kNothing * enough, kRounding);
+    before_ = piece_.data;
+    double length = 1.0;
+    // What comes next knows better than half a step by the old factor; and at the rounding level of
+    // chi2 nothing is left to gain.
+    for (int halving = 0; !take(step.chi2) && !old_factor && !last && halving < kHalvings;
+         ++halving) {
+      length *= 0.5;
+      d_ *= 0.5;
+      if (halving == 0) ++result_.shortened;
+    }
+    const double decrease = step.chi2 - result_.chi2;
+    const bool whole = length == 1.0;
+    if (last || (whole && remainder(decrease, promised, promised_before_, next_) <= enough)) {
+      result_.minimum = true;
+      return false;
+    }
+    if (length < 1e-8) return false;
+    if (old_factor) {  // what is known of the rate stays what the last whole solve said
+      next_ = next_ == Kind::kChord ? Kind::kCorrection : Kind::kWhole;
+      return true;
+    }
+    promised_before_ = whole ? promised : -1.0;
+    then_.swap(before_);
+    next_ = after_whole(result_.chi2);
+    return true;
+  }
+
+  const MeasurementGraph<D>& graph_;
+  Piece<D>& piece_;
+  ObservationSystem<D>& system_;
+  FrontalCholesky& cholesky_;
+  WorkerPool& pool_;
+  const double tolerance_;
+  double promised_before_;      // by the last whole step
+  double chi2_expected_ = 0.0;  // after it
+  Kind next_ = Kind::kWhole;
+  Eigen::VectorXd d_;
+  std::vector<std::vector<double>> then_;    // values before the last whole step
+  std::vector<std::vector<double>> before_;  // and before the step at hand
+  RefineResult result_;
+};
 
 }  // namespace
 
@@ -82,72 +203,15 @@ void linear_step_if_determined(const MeasurementGraph<D>& graph, Piece<D>& piece
 template <int D>
 RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, ObservationSystem<D>& system,
                     FrontalCholesky& cholesky, WorkerPool& pool, int most_solves, double tolerance,
-                    const ProgressCallback& progress, const LastSolve& last_solve) {
-  constexpr int kHalvings = 30;
-  constexpr double kRounding = 1e-14;  // of chi2: an exact fit ends at rounding errors
-  constexpr double kNothing = 0.01;    // of the tolerance: so small a promise needs no second look
-  constexpr double kChordMiss = 0.1;   // of its promise: a chord step that misses more is the last
-  RefineResult result;
-  Eigen::VectorXd d;
-  std::vector<std::vector<double>> before;
-  double promised_before = last_solve.promised;
-  const auto factor_serves_again = [&](double chi2) {
-    return promised_before >= 0.0 && promised_before <= kSmallStep * chi2;
-  };
-  double chi2_expected = last_solve.chi2 - last_solve.promised;
-  bool chord = factor_serves_again(chi2_expected);
-  while (result.solves < most_solves) {
-    if (progress && !progress({"refine", static_cast<double>(result.solves) / most_solves})) {
-      throw CancelledError("cancelled while refining");
-    }
-    std::optional<typename ObservationSystem<D>::Step> again;
-    if (chord) {
-      const double most = kChordReach * tolerance * chi2_expected;
-      again = system.solve_again(piece, cholesky, pool, most, d);
-    }
-    chord = again.has_value();
-    const auto step = chord ? *again : solve(graph, piece, system, cholesky, pool, d);
-    if (result.solves++ == 0) result.chi2_before = step.chi2;
-    const double promised = step.predicted_decrease;
-    const double enough = std::max(tolerance * step.chi2, kRounding);
-    const bool last = promised <= std::max(kNothing * enough, kRounding);
-    before = piece.data;
-    double length = 1.0;
-    for (int halving = 0;; ++halving) {
-      take_step(graph, piece, d, pool);
-      result.chi2 = system.chi2(piece, pool);
-      if (result.chi2 <= step.chi2) break;
-      piece.data = before;
-      result.chi2 = step.chi2;
-      if (chord) break;  // a whole solve knows better than half a step
-      // At the rounding level of chi2 nothing is left to gain.
-      if (halving == kHalvings || last) break;
-      length *= 0.5;
-      d *= 0.5;
-      if (halving == 0) ++result.shortened;
-    }
-    chi2_expected = result.chi2;
-    const bool whole = length == 1.0;
-    if (last ||
-        (whole && remainder(step.chi2 - result.chi2, promised, promised_before, chord) <= enough)) {
-      result.minimum = true;
-      break;
-    }
-    if (length < 1e-8) break;
-    if (chord && std::abs(step.chi2 - result.chi2 - promised) > kChordMiss * promised) {
-      chord = false;
-      continue;  // what is known of the rate stays what the last whole solve said
-    }
-    promised_before = whole ? promised : -1.0;
-    chord = chord || factor_serves_again(result.chi2);
-  }
-  return result;
+                    const ProgressCallback& progress, LastSolve last_solve) {
+  return Refinement<D>(graph, piece, system, cholesky, pool, tolerance, std::move(last_solve))
+      .run(most_solves, progress);
 }
 
 #define MAPJOIN_INSTANTIATE(D)                                                                  \
   template RefineResult refine<D>(const MeasurementGraph<D>&, Piece<D>&, ObservationSystem<D>&, \
                                   FrontalCholesky&, WorkerPool&, int, double,                   \
-                                  const ProgressCallback&, const LastSolve&);                   \
+                                  const ProgressCallback&, LastSolve);                          \
   template ObservationSystem<D>::Step linear_step<D>(const MeasurementGraph<D>&, Piece<D>&,     \
                                                      ObservationSystem<D>&, FrontalCholesky&,   \
                                                      WorkerPool&);                              \

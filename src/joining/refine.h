@@ -1,6 +1,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "mapjoin/graph/piece.h"
 #include "mapjoin/joining/options.h"
@@ -12,6 +13,7 @@ namespace mapjoin {
 struct LastSolve {
   double chi2 = 0.0;       ///< before its step
   double promised = -1.0;  ///< decrease of chi2, by the linear model; negative: there was none
+  std::vector<std::vector<double>> values = {};  ///< the piece's, before its step
 };
 
 /// What an iteration of solves did.
@@ -19,8 +21,9 @@ struct RefineResult {
   double chi2_before = 0.0;  ///< where it began
   double chi2 = 0.0;         ///< at the end
   int solves = 0;
-  int shortened = 0;     ///< steps that had to be shortened because chi2 would have grown
-  bool minimum = false;  ///< what is left above the minimum is within the tolerance
+  int factorizations = 0;  ///< of them; the others used an old one
+  int shortened = 0;       ///< steps that had to be shortened because chi2 would have grown
+  bool minimum = false;    ///< what is left above the minimum is within the tolerance
 };
 
 /// Repeats the linear solve of a piece, re-evaluating its observations, until no more than a
@@ -36,19 +39,20 @@ struct RefineResult {
 /// Without `last_solve`, that is of the same system with the same `cholesky`, the first step cannot
 /// be the last, but for a promise of next to nothing (a hundredth of the tolerance).
 ///
-/// After a solve that promised no more than half of chi2 little turns, and H hardly changes: its
-/// factor serves again, for the gradient of now (a chord step, at a third of the price or less).
-/// M is then about twice what it was for the solve before, whose m^2 the rate shows: four times
-/// the rate counts. Where elimination with the old factor promises more than thirty times the
-/// tolerance, a whole solve follows at once; a chord step that would increase chi2 is not taken,
-/// and after one that misses its promise by more than a tenth whole solves follow.
+/// After a solve that promised no more than half of chi2 its factor serves again, as long as a step
+/// by it can be the last: for a chord step (ObservationSystem::solve_again), where that promises no
+/// more than twenty times the tolerance; else to correct what the last step missed (correct). A
+/// chord step's m is about twice that of the solve before, so that four times the rate counts; what
+/// corrections left was that of ten times the rate, or more where they missed more. Neither is
+/// taken where chi2 would increase, and after them comes a whole solve. A correction needs the
+/// values of `last_solve`.
 ///
 /// Never increases chi2: a step that would is halved until it does not. Same symbolic plan for
 /// every solve. \throws SingularError; CancelledError.
 template <int D>
 RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, ObservationSystem<D>& system,
                     FrontalCholesky& cholesky, WorkerPool& pool, int most_solves, double tolerance,
-                    const ProgressCallback& progress, const LastSolve& last_solve = {});
+                    const ProgressCallback& progress, LastSolve last_solve = {});
 
 /// One solve and the step it asks for, without any question. \returns what the linear model said.
 /// \throws SingularError.

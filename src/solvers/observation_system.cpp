@@ -169,6 +169,7 @@ void ObservationSystem<D>::sort_by_front(const Piece<D>& piece, LoopRunner loop)
       ++next;
     }
   });
+  has_submaps_ = std::ranges::any_of(submap_cliques_, [&](auto k) { return k < regular; });
   front_chi2_.resize(at(fronts));
 }
 
@@ -248,6 +249,23 @@ void ObservationSystem<D>::assemble_rhs(std::int32_t front, double* rhs, double*
 }
 
 template <int D>
+void ObservationSystem<D>::assemble_correction(std::int32_t front, double* rhs,
+                                               const std::vector<std::vector<double>>& then,
+                                               const Piece<D>& piece) {
+  const std::size_t f = at(front);
+  const std::size_t poses = at(graph_.variables.find_column(Tag("pose")));
+  double chi2 = 0.0;
+  for (const Relative& group : relative_) {
+    if (group.front[f] == group.front[f + 1]) continue;
+    RelativeBatch<D> part = batch(group, piece, group.front[f], group.front[f + 1]);
+    part.poses_then = then[poses].data();
+    part.values_then = then[at(group.column)].data();
+    chi2 += group.measurements->kind->correction_relative(part, rhs);
+  }
+  front_chi2_[f] = chi2;
+}
+
+template <int D>
 auto ObservationSystem<D>::solve(const Piece<D>& piece, FrontalCholesky& cholesky, WorkerPool& pool,
                                  Eigen::VectorXd& increment) -> Step {
   Step step;
@@ -267,6 +285,21 @@ auto ObservationSystem<D>::solve(const Piece<D>& piece, FrontalCholesky& cholesk
   return step;
 }
 
+/// Eliminates what `assemble` adds with the old factor, and substitutes back.
+template <int D>
+template <class Assemble>
+auto ObservationSystem<D>::substitute(Assemble&& assemble, FrontalCholesky& cholesky,
+                                      WorkerPool& pool, double most, Eigen::VectorXd& increment)
+    -> std::optional<Step> {
+  if (!cholesky.eliminate(assemble, pool, most)) return std::nullopt;
+  Step step;
+  for (const double c : front_chi2_) step.chi2 += c;
+  step.predicted_decrease = cholesky.squared_norm_of_y();
+  increment.resize(structure_.statistics.scalars);
+  cholesky.solve(increment, pool);
+  return step;
+}
+
 template <int D>
 auto ObservationSystem<D>::solve_again(const Piece<D>& piece, FrontalCholesky& cholesky,
                                        WorkerPool& pool, double most, Eigen::VectorXd& increment)
@@ -274,12 +307,26 @@ auto ObservationSystem<D>::solve_again(const Piece<D>& piece, FrontalCholesky& c
   const auto assembler = [&](std::int32_t front, double* rhs, double* room) {
     assemble_rhs(front, rhs, room, piece);
   };
-  if (!cholesky.eliminate(assembler, pool, most)) return std::nullopt;
-  Step step;
-  for (const double c : front_chi2_) step.chi2 += c;
-  step.predicted_decrease = cholesky.squared_norm_of_y();
-  increment.resize(structure_.statistics.scalars);
-  cholesky.solve(increment, pool);
+  return substitute(assembler, cholesky, pool, most, increment);
+}
+
+template <int D>
+auto ObservationSystem<D>::correct(const std::vector<std::vector<double>>& then,
+                                   const Piece<D>& piece, FrontalCholesky& cholesky,
+                                   WorkerPool& pool, double most, Eigen::VectorXd& increment)
+    -> std::optional<Step> {
+  constexpr int kChunk = 2048;  // variables
+  if (has_submaps_) return std::nullopt;
+  const auto assembler = [&](std::int32_t front, double* rhs, double* /*room*/) {
+    assemble_correction(front, rhs, then, piece);
+  };
+  const auto step = substitute(assembler, cholesky, pool, most, increment);
+  if (!step) return step;
+  run_loop((piece.size() + kChunk - 1) / kChunk, loop_on(pool), [&](int i) {
+    transport(graph_.variables, then, piece,
+              std::span<double>(increment.data(), at(increment.size())), i * kChunk,
+              std::min((i + 1) * kChunk, piece.size()));
+  });
   return step;
 }
 

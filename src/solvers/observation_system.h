@@ -55,11 +55,21 @@ class ObservationSystem {
              Eigen::VectorXd& increment);
 
   /// The same with the matrix of the last call of solve, whose factor `cholesky` still holds, and
-  /// the right-hand side of now: a chord step. Near the minimum it is worth nearly as much as a
-  /// whole one, at a third of the price or less. Elimination alone tells by how much chi2 would
-  /// fall: where that is more than `most`, the rest is not done and nothing is returned.
+  /// the gradient of now: a chord step. Near the minimum it is worth nearly as much as a whole one,
+  /// at a third of the price or less. Elimination alone tells by how much chi2 would fall: where
+  /// that is more than `most`, the rest is not done and nothing is returned.
   std::optional<Step> solve_again(const Piece<D>& piece, FrontalCholesky& cholesky,
                                   WorkerPool& pool, double most, Eigen::VectorXd& increment);
+
+  /// What the step from `then`, the piece's values in the last call of solve, to where it is now
+  /// missed, by the same matrix as solve_again. Asks less of it, and is right to a higher order:
+  /// the residuals' curvature is seen along the step (as in geodesic acceleration, Transtrum and
+  /// Sethna 2012), and how Jacobians turned, on what the linear model left of the residuals
+  /// (graph/correction_kernel.h). Evaluates every measurement twice. Submaps know only their
+  /// gradient of now: with any of them nothing is returned.
+  std::optional<Step> correct(const std::vector<std::vector<double>>& then, const Piece<D>& piece,
+                              FrontalCholesky& cholesky, WorkerPool& pool, double most,
+                              Eigen::VectorXd& increment);
 
   /// Solves for the part of the system that a subtree of fronts eliminates, first .. root, and for
   /// the variables it shares with the rest, as if those observations were all there is; `sub` holds
@@ -112,6 +122,11 @@ class ObservationSystem {
                           const Places* places) const;
   void assemble(std::int32_t front, const DenseTarget& target, const Piece<D>& piece);
   void assemble_rhs(std::int32_t front, double* rhs, double* room, const Piece<D>& piece);
+  void assemble_correction(std::int32_t front, double* rhs,
+                           const std::vector<std::vector<double>>& then, const Piece<D>& piece);
+  template <class Assemble>
+  std::optional<Step> substitute(Assemble&& assemble, FrontalCholesky& cholesky, WorkerPool& pool,
+                                 double most, Eigen::VectorXd& increment);
   void find_slots(std::int32_t first, std::int32_t root, const Piece<D>& sub, const Places& places,
                   SubtreeScratch& scratch) const;
   std::vector<std::int32_t> held_rows(std::int32_t root, const Piece<D>& sub,
@@ -127,6 +142,7 @@ class ObservationSystem {
   std::vector<std::int64_t> submap_front_;    ///< per front: first entry
   std::vector<double> front_chi2_;
   bool weighed_ = false;
+  bool has_submaps_ = false;
 };
 
 }  // namespace mapjoin

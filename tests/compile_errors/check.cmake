@@ -87,4 +87,6 @@ mistake("static double offset(" "static double gauge(const Value<double>&); stat
         "`gauge` is wrong")
 mistake("static double offset(" "static Vec<3> position(const Value<double>&); static double offset("
         "`position` is wrong")
+mistake("static double offset(" "static Vec<3> transport(const Value<double>&); static double offset("
+        "`transport` is wrong")
 message(STATUS "${mistakes} mistakes, each named in the first error")

@@ -1,4 +1,4 @@
-#include "mapjoin/graph/relative_kernel.h"
+#include "mapjoin/graph/correction_kernel.h"
 
 #include <gtest/gtest.h>
 
@@ -82,6 +82,82 @@ TYPED_TEST(RelativeKernelOf, AgreesWithItselfOnRightHandSideAndChi2) {
     EXPECT_LT((H.row(rows).transpose() - rhs).norm(), 1e-12 * rhs.norm());
     EXPECT_GT(rhs.norm(), 0.0);
   }
+}
+
+/// Poses and values of m, moved by steps of about `size`.
+template <VariableType T>
+Measurements<T> moved(Measurements<T> m, Dice& dice, double size) {
+  for (auto& pose : m.poses) pose = test::noisy<PoseType<T::ambient>>(dice, pose, size);
+  for (auto& value : m.values) value = test::noisy<T>(dice, value, size);
+  return m;
+}
+
+/// r of measurement k with its pose moved by `a` and its value by `b`.
+template <VariableType T>
+Vec<T::dim> residual(const Measurements<T>& m, std::size_t k, const Vec<kGauge<T::ambient>>& a,
+                     const Vec<T::dim>& b) {
+  const auto from = static_cast<std::size_t>(m.slots[2 * k]);
+  const auto to = static_cast<std::size_t>(m.slots[2 * k + 1]);
+  const auto pose = PoseType<T::ambient>::template retract<double>(m.poses[from], a);
+  const auto value = T::template retract<double>(m.values[to], b);
+  return T::template local<double>(m.z[static_cast<std::size_t>(m.id[k])],
+                                   T::template transform<double>(pose.inverse(), value));
+}
+
+TYPED_TEST(RelativeKernelOf, CorrectsNothingButTheGradientWhereNothingMoved) {
+  const Measurements<TypeParam> m(3);
+  RelativeBatch<TypeParam::ambient> batch = m.batch();
+  batch.poses_then = batch.poses;
+  batch.values_then = batch.values;
+  Eigen::VectorXd expected = Eigen::VectorXd::Zero(m.rows()), rhs = expected;
+  const double chi2 = RelativeKernel<TypeParam>::gradient(batch, expected.data());
+  EXPECT_NEAR(relative_correction<TypeParam>(batch, rhs.data()), chi2, 1e-12 * chi2);
+  EXPECT_LT((rhs - expected).norm(), 1e-12 * expected.norm());
+}
+
+TYPED_TEST(RelativeKernelOf, CorrectsByTheDerivativesOfThenAndNow) {
+  using T = TypeParam;
+  constexpr int G = kGauge<T::ambient>, N = T::dim;
+  constexpr double h = 1e-6;
+  Dice dice(5);
+  const Measurements<T> then(5);
+  const Measurements<T> now = moved(then, dice, 0.2);
+  RelativeBatch<T::ambient> batch = now.batch();
+  batch.poses_then = then.batch().poses;
+  batch.values_then = then.batch().values;
+  Eigen::VectorXd rhs = Eigen::VectorXd::Zero(then.rows()), expected = rhs;
+  relative_correction<T>(batch, rhs.data());
+  for (std::size_t k = 0; k < batch.size; ++k) {
+    const auto from = static_cast<std::size_t>(then.slots[2 * k]);
+    const auto to = static_cast<std::size_t>(then.slots[2 * k + 1]);
+    const Vec<G> a =
+        PoseType<T::ambient>::template local<double>(then.poses[from], now.poses[from]);
+    const Vec<N> b = T::template local<double>(then.values[to], now.values[to]);
+    const Vec<N> r = residual(now, k, Vec<G>::Zero(), Vec<N>::Zero());
+    const Vec<N> l = residual(then, k, Vec<G>::Zero(), Vec<N>::Zero()) +
+                     (residual(then, k, Vec<G>(h * a), Vec<N>(h * b)) -
+                      residual(then, k, Vec<G>(-h * a), Vec<N>(-h * b))) /
+                         (2.0 * h);
+    const Mat<N, N> I = Eigen::Map<const Mat<N, N>>(then.info.data() + then.id[k] * N * N);
+    // As a function of a step by tangents of then: what rhs is the negative gradient of.
+    const auto f = [&](const Vec<G>& da, const Vec<N>& db) {
+      const Vec<G> da_now = transport<PoseType<T::ambient>>(then.poses[from], now.poses[from], da);
+      const Vec<N> db_now = transport<T>(then.values[to], now.values[to], db);
+      return (r - l).dot(I * residual(then, k, da, db)) +
+             l.dot(I * residual(now, k, da_now, db_now));
+    };
+    for (int c = 0; c < G; ++c) {
+      const Vec<G> e = h * Vec<G>::Unit(c);
+      expected(then.offsets[2 * k] + c) -=
+          (f(e, Vec<N>::Zero()) - f(Vec<G>(-e), Vec<N>::Zero())) / (2.0 * h);
+    }
+    for (int c = 0; c < N; ++c) {
+      const Vec<N> e = h * Vec<N>::Unit(c);
+      expected(then.offsets[2 * k + 1] + c) -=
+          (f(Vec<G>::Zero(), e) - f(Vec<G>::Zero(), Vec<N>(-e))) / (2.0 * h);
+    }
+  }
+  EXPECT_LT((rhs - expected).norm(), 1e-6 * expected.norm());
 }
 
 }  // namespace

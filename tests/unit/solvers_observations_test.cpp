@@ -7,6 +7,7 @@
 #include <numeric>
 #include <vector>
 
+#include "mapjoin/graph/index.h"
 #include "mapjoin/graph/whole_piece.h"
 #include "mapjoin/solvers/observation_system.h"
 #include "mapjoin/solvers/sparse_cholesky.h"
@@ -132,6 +133,56 @@ TYPED_TEST(Observations, AreSolvedAgainWithTheOldMatrixAndTheNewGradient) {
       EXPECT_LE((rest.array().abs() > 1e-8 * normal.b.norm()).count(), kGauge<D>);
     }
   }
+}
+
+TYPED_TEST(Observations, AreCorrectedAfterAStepToAHigherOrder) {
+  constexpr int D = TypeParam::value;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    SCOPED_TRACE(seed);
+    Dice dice(seed);
+    const auto sample = random_graph<D>(dice, {.poses = 60, .points = 20, .closures = 20});
+    Piece<D> piece = whole_piece(sample.graph, noisy(dice, sample.truth, 0.02));
+    const auto then = piece.data;
+    Places places(sample.graph.variables.size());
+    ObservationSystem<D> system(sample.graph, piece, {}, places);
+    FrontalCholesky cholesky;
+    WorkerPool pool(2);
+    Eigen::VectorXd d, chord;
+    const auto step = [&](const Eigen::VectorXd& by) {
+      retract(sample.graph.variables, piece, std::span<const double>(by.data(), at(by.size())));
+      return system.chi2(piece, pool);
+    };
+    ASSERT_TRUE(system.solve(piece, cholesky, pool, d).ok());
+    ASSERT_TRUE(system.correct(then, piece, cholesky, pool, 1e9, chord));
+    EXPECT_LT((chord - d).norm(), 1e-6 * d.norm());  // no step yet: all of it is missing
+    const double stepped = step(d);
+    EXPECT_FALSE(system.correct(then, piece, cholesky, pool, 1e-12, d));  // promises more
+    const auto correction = system.correct(then, piece, cholesky, pool, 1e9, d);
+    ASSERT_TRUE(correction);
+    EXPECT_NEAR(correction->chi2, stepped, 1e-9 * stepped);
+    const double corrected = step(d);
+    for (int more = 0; more < 10; ++more) {
+      ASSERT_TRUE(system.solve(piece, cholesky, pool, d).ok());
+      step(d);
+    }
+    const double least = system.chi2(piece, pool);
+    EXPECT_LT(corrected - least, 0.1 * (stepped - least));
+    EXPECT_NEAR(correction->predicted_decrease, stepped - corrected, 0.2 * (stepped - corrected));
+  }
+}
+
+TYPED_TEST(Observations, OfSubmapsAreNotCorrected) {
+  constexpr int D = TypeParam::value;
+  Dice dice(1);
+  const auto sample = mixed_graph<D>(dice);
+  const Piece<D> piece = whole_piece(sample.graph, noisy(dice, sample.truth, 0.1));
+  Places places(sample.graph.variables.size());
+  ObservationSystem<D> system(sample.graph, piece, {}, places);
+  FrontalCholesky cholesky;
+  WorkerPool pool(1);
+  Eigen::VectorXd d;
+  ASSERT_TRUE(system.solve(piece, cholesky, pool, d).ok());
+  EXPECT_FALSE(system.correct(piece.data, piece, cholesky, pool, 1e9, d));
 }
 
 TYPED_TEST(Observations, GiveTheSameBitsOnAnyNumberOfThreads) {

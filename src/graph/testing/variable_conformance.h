@@ -189,6 +189,18 @@ class VariableConformance {
     });
   }
 
+  /// Tangents keep their length from one value to another, and come back as they were.
+  void transport_turns_tangents() const {
+    for_samples([&](Generator& generator, const Value& x) {
+      const Value y = random_value_(generator);
+      const Tangent d = random_vector<N>(generator, 1.0);
+      const Tangent there = mapjoin::transport<T>(x, y, d);
+      EXPECT_NEAR(there.norm(), d.norm(), 1e-9) << "transport(x, y, d) is as long as d";
+      expect_small(mapjoin::transport<T>(y, x, there) - d,
+                   "transport(y, x, transport(x, y, d)) - d");
+    });
+  }
+
   /// Position, orientation, direction and offset, where a type has them, move as the variable does.
   void what_aligns_moves_along() const {
     for_samples([](Generator& generator, const Value& x) {
@@ -316,6 +328,7 @@ class VariableConformance {
   MAPJOIN_TEST_VARIABLE_LAW(Type, random_value, LocalJacobianIsTheDerivative,                      \
                             local_jacobian_is_the_derivative)                                      \
   MAPJOIN_TEST_VARIABLE_LAW(Type, random_value, DerivativesExistAtZero, derivatives_exist_at_zero) \
+  MAPJOIN_TEST_VARIABLE_LAW(Type, random_value, TransportTurnsTangents, transport_turns_tangents)  \
   MAPJOIN_TEST_VARIABLE_LAW(Type, random_value, WhatAlignsMovesAlong, what_aligns_moves_along)     \
   MAPJOIN_TEST_VARIABLE_LAW(Type, random_value, ArraysAreTreatedOneByOne,                          \
                             arrays_are_treated_one_by_one)                                         \
