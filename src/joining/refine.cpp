@@ -39,11 +39,8 @@ void take_step(const MeasurementGraph<D>& graph, Piece<D>& piece, const Eigen::V
                WorkerPool& pool) {
   constexpr int kChunk = 2048;  // variables
   const std::span<const double> step(d.data(), static_cast<std::size_t>(d.size()));
-  const auto chunk = [&](int i) {
-    retract(graph.variables, piece, step, i * kChunk, std::min((i + 1) * kChunk, piece.size()));
-  };
-  const int chunks = (piece.size() + kChunk - 1) / kChunk;
-  run_loop(chunks, loop_on(pool), chunk);
+  run_chunks(piece.size(), kChunk, loop_on(pool),
+             [&](int first, int last) { retract(graph.variables, piece, step, first, last); });
 }
 
 /// What is tried, one after the other, until a step is the last.

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "mapjoin/graph/index.h"
+#include "mapjoin/solvers/pool_loop.h"
 
 namespace mapjoin {
 
@@ -140,9 +141,8 @@ Piece<D> unite(const VariableSet<D>& all, std::vector<Piece<D>>& pieces,
   }
   run.push_back(static_cast<std::int64_t>(held.size()));
   Piece<D> out = make_piece(all, std::move(variables));
-  run_loop((out.size() + kChunk - 1) / kChunk, loop, [&](int chunk) {
-    take_values(all, pieces, members, std::span(held), std::span(run), shared, chunk * kChunk,
-                std::min((chunk + 1) * kChunk, out.size()), out);
+  run_chunks(out.size(), kChunk, loop, [&](int first, int last) {
+    take_values(all, pieces, members, std::span(held), std::span(run), shared, first, last, out);
   });
   std::size_t observations = 0;
   for (const int m : members) observations += pieces[at(m)].observations.size();

@@ -126,8 +126,8 @@ void FrontalCholesky::solve(Eigen::Ref<Eigen::VectorXd> x, WorkerPool& pool) con
   substitute_tasks(s.tasks, by_position.data(), pool);
   constexpr int kChunk = 4096;  // variables
   const auto variables = static_cast<int>(s.order.size());
-  run_loop((variables + kChunk - 1) / kChunk, loop_on(pool), [&](int c) {
-    for (int k = c * kChunk; k < std::min((c + 1) * kChunk, variables); ++k) {
+  run_chunks(variables, kChunk, loop_on(pool), [&](int first, int last) {
+    for (int k = first; k < last; ++k) {
       const Index length = s.scalar_at[k + 1] - s.scalar_at[k];
       std::copy_n(by_position.data() + s.scalar_at[k], length, x.data() + s.scalar_of[s.order[k]]);
     }

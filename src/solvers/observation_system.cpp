@@ -126,8 +126,8 @@ void ObservationSystem<D>::sort_by_front(const Piece<D>& piece, LoopRunner loop)
   };
   const auto fronts = static_cast<int>(structure_.fronts.size());
   const auto for_fronts = [&](auto&& body) {  // body(f), f ascending within a chunk
-    run_loop((fronts + kChunk - 1) / kChunk, loop, [&](int chunk) {
-      for (int f = chunk * kChunk; f < std::min((chunk + 1) * kChunk, fronts); ++f) body(f);
+    run_chunks(fronts, kChunk, loop, [&](int begin, int end) {
+      for (int f = begin; f < end; ++f) body(f);
     });
   };
   for (Relative& group : relative_) group.front.assign(at(fronts + 1), 0);
@@ -268,30 +268,19 @@ void ObservationSystem<D>::assemble_correction(std::int32_t front, double* rhs,
 template <int D>
 auto ObservationSystem<D>::solve(const Piece<D>& piece, FrontalCholesky& cholesky, WorkerPool& pool,
                                  Eigen::VectorXd& increment) -> Step {
-  Step step;
   if (!std::exchange(weighed_, true)) weigh_held(piece);
   const auto assembler = [&](std::int32_t front, const FrontView& view) {
     assemble(front, target_of(view), piece);
   };
   const FactorStatus status = cholesky.factorize(structure_, assembler, pool);
-  if (!status.ok()) {
-    step.failed = piece.variables[at(status.failed_variable)];
-    return step;
-  }
-  for (const double c : front_chi2_) step.chi2 += c;
-  increment.resize(structure_.statistics.scalars);
-  cholesky.solve(increment, pool);
-  step.predicted_decrease = cholesky.squared_norm_of_y();
-  return step;
+  if (!status.ok()) return {.failed = piece.variables[at(status.failed_variable)]};
+  return substitute_back(cholesky, pool, increment);
 }
 
-/// Eliminates what `assemble` adds with the old factor, and substitutes back.
+/// What follows elimination, of a new matrix or an old one.
 template <int D>
-template <class Assemble>
-auto ObservationSystem<D>::substitute(Assemble&& assemble, FrontalCholesky& cholesky,
-                                      WorkerPool& pool, double most, Eigen::VectorXd& increment)
-    -> std::optional<Step> {
-  if (!cholesky.eliminate(assemble, pool, most)) return std::nullopt;
+auto ObservationSystem<D>::substitute_back(const FrontalCholesky& cholesky, WorkerPool& pool,
+                                           Eigen::VectorXd& increment) const -> Step {
   Step step;
   for (const double c : front_chi2_) step.chi2 += c;
   step.predicted_decrease = cholesky.squared_norm_of_y();
@@ -307,7 +296,8 @@ auto ObservationSystem<D>::solve_again(const Piece<D>& piece, FrontalCholesky& c
   const auto assembler = [&](std::int32_t front, double* rhs, double* room) {
     assemble_rhs(front, rhs, room, piece);
   };
-  return substitute(assembler, cholesky, pool, most, increment);
+  if (!cholesky.eliminate(assembler, pool, most)) return std::nullopt;
+  return substitute_back(cholesky, pool, increment);
 }
 
 template <int D>
@@ -320,12 +310,11 @@ auto ObservationSystem<D>::correct(const std::vector<std::vector<double>>& then,
   const auto assembler = [&](std::int32_t front, double* rhs, double* /*room*/) {
     assemble_correction(front, rhs, then, piece);
   };
-  const auto step = substitute(assembler, cholesky, pool, most, increment);
-  if (!step) return step;
-  run_loop((piece.size() + kChunk - 1) / kChunk, loop_on(pool), [&](int i) {
-    transport(graph_.variables, then, piece,
-              std::span<double>(increment.data(), at(increment.size())), i * kChunk,
-              std::min((i + 1) * kChunk, piece.size()));
+  if (!cholesky.eliminate(assembler, pool, most)) return std::nullopt;
+  const Step step = substitute_back(cholesky, pool, increment);
+  const std::span<double> d(increment.data(), at(increment.size()));
+  run_chunks(piece.size(), kChunk, loop_on(pool), [&](int first, int last) {
+    transport(graph_.variables, then, piece, d, first, last);
   });
   return step;
 }

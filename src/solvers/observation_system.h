@@ -124,9 +124,8 @@ class ObservationSystem {
   void assemble_rhs(std::int32_t front, double* rhs, double* room, const Piece<D>& piece);
   void assemble_correction(std::int32_t front, double* rhs,
                            const std::vector<std::vector<double>>& then, const Piece<D>& piece);
-  template <class Assemble>
-  std::optional<Step> substitute(Assemble&& assemble, FrontalCholesky& cholesky, WorkerPool& pool,
-                                 double most, Eigen::VectorXd& increment);
+  Step substitute_back(const FrontalCholesky& cholesky, WorkerPool& pool,
+                       Eigen::VectorXd& increment) const;
   void find_slots(std::int32_t first, std::int32_t root, const Piece<D>& sub, const Places& places,
                   SubtreeScratch& scratch) const;
   std::vector<std::int32_t> held_rows(std::int32_t root, const Piece<D>& sub,

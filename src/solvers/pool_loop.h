@@ -1,6 +1,7 @@
 // Loops, and pairs of steps, spread over an idle pool.
 #pragma once
 
+#include <algorithm>
 #include <exception>
 #include <span>
 
@@ -10,9 +11,15 @@
 namespace mapjoin {
 
 /// Spreads loops over the threads of a pool, which take iterations one by one. A plain loop where
-/// there is one thread. The pool must be
-/// idle when a loop starts, and outlive the runner.
+/// there is one thread. The pool must be idle when a loop starts, and outlive the runner.
 LoopRunner loop_on(WorkerPool& pool);
+
+/// Runs body(first, last) for stretches of at most `chunk` of 0 .. size - 1, spread by `loop`.
+template <class Body>
+void run_chunks(int size, int chunk, LoopRunner loop, const Body& body) {
+  run_loop((size + chunk - 1) / chunk, loop,
+           [&](int c) { body(c * chunk, std::min((c + 1) * chunk, size)); });
+}
 
 /// Throws on the first exception there is, of what threads caught and put down; returns if none.
 inline void rethrow_first(std::span<const std::exception_ptr> failures) {
