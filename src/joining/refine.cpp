@@ -151,8 +151,8 @@ class Refinement {
       return false;
     }
     if (length < 1e-8) return false;
-    if (old_factor) {  // what is known of the rate stays what the last whole solve said
-      next_ = next_ == Kind::kChord ? Kind::kCorrection : Kind::kWhole;
+    if (old_factor) {
+      next_ = after_old_factor(decrease, promised);
       return true;
     }
     promised_before_ = whole ? promised : -1.0;
@@ -161,17 +161,31 @@ class Refinement {
     return true;
   }
 
+  /// Where a chord step was not taken the piece is still where the last whole step led, which a
+  /// correction is for; elsewhere what that asks for is not the optimum.
+  Kind after_old_factor(double decrease, double promised) {
+    constexpr double kChordMiss = 0.1;  // of its promise: one that misses more is the last of them
+    if (next_ == Kind::kCorrection) return Kind::kWhole;
+    if (decrease <= 0.0) return Kind::kCorrection;
+    then_.clear();
+    chi2_expected_ = result_.chi2;
+    // What is known of the rate stays what the last whole solve said, but for a good step.
+    if (std::abs(decrease - promised) > kChordMiss * promised) return Kind::kWhole;
+    promised_before_ = promised;
+    return Kind::kChord;
+  }
+
   const MeasurementGraph<D>& graph_;
   Piece<D>& piece_;
   ObservationSystem<D>& system_;
   FrontalCholesky& cholesky_;
   WorkerPool& pool_;
   const double tolerance_;
-  double promised_before_;      // by the last whole step
-  double chi2_expected_ = 0.0;  // after it
+  double promised_before_;      // by the last step that counts for the rate
+  double chi2_expected_ = 0.0;  // before the next
   Kind next_ = Kind::kWhole;
   Eigen::VectorXd d_;
-  std::vector<std::vector<double>> then_;    // values before the last whole step
+  std::vector<std::vector<double>> then_;    // values before the last whole step, if it led here
   std::vector<std::vector<double>> before_;  // and before the step at hand
   RefineResult result_;
 };

@@ -44,8 +44,9 @@ struct RefineResult {
 /// more than twenty times the tolerance; else to correct what the last step missed (correct). A
 /// chord step's m is about twice that of the solve before, so that four times the rate counts; what
 /// corrections left was that of ten times the rate, or more where they missed more. Neither is
-/// taken where chi2 would increase, and after them comes a whole solve. A correction needs the
-/// values of `last_solve`.
+/// taken where chi2 would increase. After a chord step that kept nine tenths of its promise there
+/// may be another; a correction is only for where the last whole step led, and needs the values of
+/// `last_solve`. Otherwise a whole solve follows.
 ///
 /// Never increases chi2: a step that would is halved until it does not. Same symbolic plan for
 /// every solve. \throws SingularError; CancelledError.
