@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <fstream>
 
@@ -40,11 +41,12 @@ Examples:
   mapjoin_benchmark data/pose_graphs/*.g2o --json times.json --svg ratios.svg
   mapjoin_benchmark --simulate manhattan:100000 --simulate grid3d:20000 --repeat 3 --skip-ceres
   mapjoin_benchmark victoria_park_200/ --threads 1
+  mapjoin_benchmark --growth manhattan:10000,100000,1000000
 )";
 
 struct Arguments {
   std::vector<std::string> inputs;
-  std::vector<std::string> worlds;
+  std::vector<std::string> worlds, growths;
   std::uint64_t seed = 1;
   std::string json, svg;
   bool skip_ceres = false;
@@ -56,6 +58,10 @@ void add_options(CLI::App& app, Arguments& a) {
       ->type_name("GRAPH.g2o|FOLDER");
   app.add_option("--simulate", a.worlds, "A simulated world of so many poses; may be repeated")
       ->type_name("WORLD:POSES")
+      ->allow_extra_args(false);
+  app.add_option("--growth", a.growths,
+                 "How seconds grow with a simulated world, beside nobody; may be repeated")
+      ->type_name("WORLD:POSES,POSES,...")
       ->allow_extra_args(false);
   app.add_option("--seed", a.seed, "Of the simulated worlds")->capture_default_str();
   app.add_option("--threads", a.options.threads, "Numbers of threads to run with, as 1,2")
@@ -92,15 +98,21 @@ int run(const Arguments& a) {
   };
   for (const std::string& path : a.inputs) take(read_problem(path));
   for (const std::string& world : a.worlds) take(simulate_problem(world, a.seed));
-  if (comparisons.empty()) {
-    throw InputError("nothing to measure: name a .g2o file, a folder of local maps or --simulate");
+  std::vector<Growth> growths;
+  for (const std::string& world : a.growths)
+    growths.push_back(measure_growth(world, a.seed, a.options));
+  if (comparisons.empty() && growths.empty()) {
+    throw InputError(
+        "nothing to measure: name a .g2o file, a folder of local maps, --simulate or --growth");
   }
-  fmt::print("{}", markdown(comparisons, a.options));
-  write(a.json, json(comparisons, a.options));
-  write(a.svg, chart(comparisons));
-  bool reached = true;
-  for (const Comparison& c : comparisons) reached = reached && c.reached();
-  return reached ? 0 : kMissed;
+  fmt::print("{}{}", markdown(comparisons, a.options), markdown(growths, a.options));
+  write(a.json, json(comparisons, growths, a.options));
+  if (!comparisons.empty()) write(a.svg, chart(comparisons));
+  const auto reached = [](const auto& what) { return what.reached(); };
+  return std::all_of(comparisons.begin(), comparisons.end(), reached) &&
+                 std::all_of(growths.begin(), growths.end(), reached)
+             ? 0
+             : kMissed;
 }
 
 }  // namespace

@@ -15,21 +15,6 @@ namespace {
 
 using Rows = std::vector<std::vector<std::string>>;
 
-std::string table(const std::vector<std::string>& head, const Rows& rows) {
-  std::string out = fmt::format("| {} |\n|", fmt::join(head, " | "));
-  for (std::size_t k = 0; k < head.size(); ++k) out += k == 0 ? "---|" : "---:|";
-  out += "\n";
-  for (const auto& row : rows)
-    fmt::format_to(std::back_inserter(out), "| {} |\n", fmt::join(row, " | "));
-  return out + "\n";
-}
-
-/// Three digits that count.
-std::string seconds(double s) {
-  const int decimals = s > 0.0 ? std::max(0, 2 - static_cast<int>(std::floor(std::log10(s)))) : 0;
-  return fmt::format("{:.{}f}", s, std::min(decimals, 6));
-}
-
 std::string known_seconds(double s) { return s > 0.0 ? seconds(s) : ""; }
 
 std::string label(const Comparison& c) { return c.name + (c.local_maps ? " (local maps)" : ""); }
@@ -168,7 +153,23 @@ std::string goals(std::span<const Comparison> comparisons) {
 
 }  // namespace
 
+std::string table(const std::vector<std::string>& head,
+                  const std::vector<std::vector<std::string>>& rows) {
+  std::string out = fmt::format("| {} |\n|", fmt::join(head, " | "));
+  for (std::size_t k = 0; k < head.size(); ++k) out += k == 0 ? "---|" : "---:|";
+  out += "\n";
+  for (const auto& row : rows)
+    fmt::format_to(std::back_inserter(out), "| {} |\n", fmt::join(row, " | "));
+  return out + "\n";
+}
+
+std::string seconds(double s) {
+  const int decimals = s > 0.0 ? std::max(0, 2 - static_cast<int>(std::floor(std::log10(s)))) : 0;
+  return fmt::format("{:.{}f}", s, std::min(decimals, 6));
+}
+
 std::string markdown(std::span<const Comparison> comparisons, const ComparisonOptions& options) {
+  if (comparisons.empty()) return {};
   return fmt::format(
              "## Seconds from measurements in memory to the optimum\n\n"
              "Without initial values, against one factorisation (ordering, analysis, numbers, "
@@ -181,7 +182,7 @@ std::string markdown(std::span<const Comparison> comparisons, const ComparisonOp
          checks(comparisons) + others(comparisons) +
          "## Peak memory\n\nBeyond the measurements and whatever else was in use before the "
          "run.\n\n" +
-         memory(comparisons) + "## Goals\n\n" + goals(comparisons);
+         memory(comparisons) + "## Goals\n\n" + goals(comparisons) + "\n";
 }
 
 }  // namespace mapjoin::benchmarks

@@ -37,9 +37,28 @@ Json figures(const ThreadFigures& t) {
   return out;
 }
 
+Json figures(const Growth& g) {
+  Json out;
+  out["world"] = g.world;
+  out["dimension"] = g.dimension;
+  for (const GrowthStep& step : g.steps) {
+    Json one;
+    one["poses"] = step.poses;
+    one["measurements"] = step.observations;
+    one["error"] = step.error;
+    one["reached"] = step.reached();
+    for (const Contender& c : step.join) one["mapjoin"].push_back(figures(c, kJoinPhases));
+    out["steps"].push_back(std::move(one));
+  }
+  for (std::size_t t = 0; t < g.threads.size(); ++t)
+    out["powers"].push_back({{"threads", g.threads[t]}, {"power", g.power(t)}});
+  return out;
+}
+
 }  // namespace
 
-std::string json(std::span<const Comparison> comparisons, const ComparisonOptions& options) {
+std::string json(std::span<const Comparison> comparisons, std::span<const Growth> growths,
+                 const ComparisonOptions& options) {
   Json out;
   out["repeat"] = options.repeat;
   out["blas"] = blas_in_use();
@@ -69,6 +88,7 @@ std::string json(std::span<const Comparison> comparisons, const ComparisonOption
     for (const ThreadFigures& t : c.threads) one["with_threads"].push_back(figures(t));
     out["data_sets"].push_back(std::move(one));
   }
+  for (const Growth& g : growths) out["growth"].push_back(figures(g));
   return out.dump(2) + "\n";
 }
 

@@ -2,7 +2,7 @@
 """Measures speed against CHOLMOD and Ceres and writes docs/benchmarks.md. Standard library only.
 
     cmake --preset release -DMAPJOIN_BUILD_BENCHMARKS=ON && cmake --build --preset release
-    scripts/benchmarks.py                 all of it, some ten minutes; the machine should be idle
+    scripts/benchmarks.py                 all of it, some fifteen minutes; the machine should be idle
     scripts/benchmarks.py --quick         one round, small worlds, prints to stdout
 
 Runs mapjoin_benchmark on the graphs in ../shared/data (or where MAPJOIN_DATA points) and on simulated
@@ -22,6 +22,8 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent.parent
 WORLDS = ["manhattan:100000", "grid3d:10000", "landmarks2d:20000"]
 QUICK_WORLDS = ["manhattan:2000", "grid3d:500"]
+GROWTH = ["manhattan:10000,100000,1000000", "sphere:1000,10000,100000"]
+QUICK_GROWTH = ["manhattan:1000,2000"]
 
 
 def graphs(data):
@@ -40,6 +42,8 @@ def compare(options, sources, svg):
         words += ["--json", options.json]
     for world in QUICK_WORLDS if options.quick else WORLDS:
         words += ["--simulate", world]
+    for world in QUICK_GROWTH if options.quick else GROWTH:
+        words += ["--growth", world]
     done = subprocess.run([str(w) for w in words], stdout=subprocess.PIPE, text=True,
                           stdin=subprocess.DEVNULL)
     if done.returncode not in (0, 1):
@@ -84,7 +88,8 @@ def page(options, comparison, kernel_table, svg, load, seconds):
             "repeat it:\n\n```sh\ncmake --preset release -DMAPJOIN_BUILD_BENCHMARKS=ON\n"
             "cmake --build --preset release\nscripts/benchmarks.py\n```\n\nwhich runs\n\n```sh\n"
             "build/release/mapjoin_benchmark $DATA/pose_graphs/*.g2o $DATA/landmark_graphs/*.g2o \\\n  "
-            + " ".join(f"--simulate {w}" for w in (QUICK_WORLDS if options.quick else WORLDS))
+            + " ".join(f"--simulate {w}" for w in (QUICK_WORLDS if options.quick else WORLDS)) + " \\\n  "
+            + " ".join(f"--growth {w}" for w in (QUICK_GROWTH if options.quick else GROWTH))
             + f" \\\n  --threads 1,2 --repeat {options.repeat} --ceres-limit {options.ceres_limit:g} "
             "--svg docs/benchmarks.svg\nOPENBLAS_NUM_THREADS=1 build/release/mapjoin_kernels\n```\n\n"
             f"![Time to the optimum in factorisations by CHOLMOD]({svg.name})\n\n{comparison}\n"
@@ -103,12 +108,12 @@ def main():
     parser.add_argument("--output", type=Path,
                         help="the page; the chart goes beside it [docs/benchmarks.md; --quick: stdout]")
     parser.add_argument("--json", help="keep all figures in this file as well")
-    parser.add_argument("--repeat", type=int, help="rounds to take the median of [7; --quick: 1]")
+    parser.add_argument("--repeat", type=int, help="rounds to take the median of [5; --quick: 1]")
     parser.add_argument("--ceres-limit", type=float, default=60.0,
                         help="seconds after which Ceres is stopped [60]")
     parser.add_argument("--quick", action="store_true", help="a look, not the record")
     options = parser.parse_args()
-    options.repeat = options.repeat or (1 if options.quick else 7)
+    options.repeat = options.repeat or (1 if options.quick else 5)
     for program in ("mapjoin_benchmark", "mapjoin_kernels"):
         if not (options.build / program).exists():
             sys.exit(f"benchmarks.py: there is no {options.build / program}: build with "

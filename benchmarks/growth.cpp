@@ -1,0 +1,91 @@
+#include "benchmarks/growth.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "benchmarks/join_run.h"
+#include "benchmarks/problem.h"
+#include "mapjoin/graph/error.h"
+
+namespace mapjoin::benchmarks {
+
+namespace {
+
+std::vector<std::string> worlds_of(const std::string& text) {
+  const std::size_t colon = text.find(':');
+  std::vector<std::string> out;
+  for (std::size_t at = colon; at != std::string::npos;) {
+    const std::size_t next = text.find(',', at + 1);
+    out.push_back(text.substr(0, colon) + ":" + text.substr(at + 1, next - at - 1));
+    at = next;
+  }
+  if (out.size() < 2) {
+    throw InputError(
+        fmt::format("--growth {}: expected WORLD:POSES,POSES,... with two sizes or more, as in "
+                    "manhattan:10000,100000",
+                    text));
+  }
+  return out;
+}
+
+template <int D>
+GrowthStep describe(const Problem<D>& problem) {
+  const JoinResult<D> result = run_join(problem, 1, false).result;
+  GrowthStep out;
+  out.poses = result.report.poses;
+  out.observations = result.report.observations;
+  out.error = chi2_of(result) / tightest_chi2(result) - 1.0;
+  return out;
+}
+
+}  // namespace
+
+bool GrowthStep::reached() const { return std::abs(error) <= kTolerance; }
+
+bool Growth::reached() const {
+  return std::all_of(steps.begin(), steps.end(), [](const GrowthStep& s) { return s.reached(); });
+}
+
+double Growth::power(std::size_t from, std::size_t to, std::size_t t) const {
+  return std::log(steps[to].join[t].seconds() / steps[from].join[t].seconds()) /
+         std::log(static_cast<double>(steps[to].poses) / static_cast<double>(steps[from].poses));
+}
+
+Growth measure_growth(const std::string& text, std::uint64_t seed,
+                      const ComparisonOptions& options) {
+  std::vector<AnyProblem> problems;
+  for (const std::string& world : worlds_of(text))
+    problems.push_back(simulate_problem(world, seed));
+  Growth out;
+  out.world = text.substr(0, text.find(':'));
+  out.dimension = std::holds_alternative<Problem<2>>(problems[0]) ? 2 : 3;
+  out.threads = options.threads;
+  std::vector<Contender> all;
+  for (const AnyProblem& any : problems) {
+    std::visit(
+        [&](const auto& problem) {
+          out.steps.push_back(describe(problem));
+          for (const int threads : options.threads) {
+            all.push_back({problem.name, threads, [&problem, threads] {
+                             return run_join(problem, threads, false).measured;
+                           }});
+          }
+        },
+        any);
+  }
+  for (std::size_t s = 1; s < out.steps.size(); ++s) {
+    if (out.steps[s].poses <= out.steps[s - 1].poses)
+      throw InputError(fmt::format("--growth {}: name the sizes from small to large", text));
+  }
+  race(all, options.repeat, std::numeric_limits<double>::infinity());
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    all[k].run = nullptr;  // what it refers to ends before its figures do
+    out.steps[k / options.threads.size()].join.push_back(std::move(all[k]));
+  }
+  return out;
+}
+
+}  // namespace mapjoin::benchmarks

@@ -1,0 +1,63 @@
+#include <fmt/format.h>
+
+#include "benchmarks/tables.h"
+
+namespace mapjoin::benchmarks {
+
+namespace {
+
+std::string mebibytes(const Contender& c) {
+  return c.peak_bytes ? fmt::format("{:.0f}", static_cast<double>(*c.peak_bytes) / 1048576)
+                      : "not measurable";
+}
+
+std::vector<std::string> row(const Growth& g, std::size_t t, std::size_t s) {
+  const GrowthStep& step = g.steps[s];
+  const Contender& join = step.join[t];
+  const bool whole = s > 1 && s + 1 == g.steps.size();
+  return {fmt::format("{}", step.poses),
+          fmt::format("{}", step.observations),
+          fmt::format("{}", g.threads[t]),
+          seconds(join.seconds()),
+          fmt::format("{:.2f}", 1e6 * join.seconds() / static_cast<double>(step.poses)),
+          s == 0 ? "" : fmt::format("{:.3f}", g.power(s - 1, s, t)),
+          whole ? fmt::format("{:.3f}", g.power(t)) : "",
+          mebibytes(join),
+          fmt::format("{:.1e}", step.error),
+          step.reached() ? "yes" : "**MISSED**"};
+}
+
+std::string goal(const Growth& g) {
+  std::string out;
+  for (std::size_t t = 0; g.dimension == 2 && t < g.threads.size(); ++t) {
+    out += fmt::format("* {}, {} {}: seconds grow as poses to the power of {:.3f} <= {:.2f} {}\n",
+                       g.world, g.threads[t], g.threads[t] == 1 ? "thread" : "threads", g.power(t),
+                       kGoalGrowth, g.power(t) <= kGoalGrowth ? "holds" : "does **not** hold");
+  }
+  return out.empty() ? out : out + "\n";
+}
+
+}  // namespace
+
+std::string markdown(std::span<const Growth> growths, const ComparisonOptions& options) {
+  if (growths.empty()) return {};
+  std::string out = fmt::format(
+      "## Growth\n\nSeconds to the optimum, medians of {} runs after one more; sizes and numbers "
+      "of threads take turns, in\none process that keeps its memory. Memory: the first run's peak "
+      "beyond what was in use.\n\n",
+      options.repeat);
+  for (const Growth& g : growths) {
+    std::vector<std::vector<std::string>> rows;
+    for (std::size_t t = 0; t < g.threads.size(); ++t) {
+      for (std::size_t s = 0; s < g.steps.size(); ++s) rows.push_back(row(g, t, s));
+    }
+    out += table({g.world + ", poses", "measurements", "threads", "to the optimum, s", "us a pose",
+                  "power of poses", "from first to last", "memory, MiB", "relative difference",
+                  "within 1e-6"},
+                 rows) +
+           goal(g);
+  }
+  return out;
+}
+
+}  // namespace mapjoin::benchmarks
