@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -16,6 +15,7 @@
 #include "mapjoin/frames/change_frame.h"
 #include "mapjoin/graph/builtin_types.h"
 #include "mapjoin/graph/index.h"
+#include "mapjoin/graph/symmetric.h"
 #include "mapjoin/joining/common_points.h"
 #include "mapjoin/solvers/covariance.h"
 #include "mapjoin/solvers/relative.h"
@@ -68,10 +68,7 @@ Spots<D> spots_of(const Map<D>& map, const Covariance<D>& covariance, std::vecto
   for (std::size_t k = 0; k < out.variables.size(); ++k) {
     const Eigen::Matrix<double, D, D> S =
         position_covariance(map.values, out.variables[k], Eigen::MatrixXd(blocks.block(k)));
-    out.variance[k] = std::max(
-        0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, D, D>>(S, Eigen::EigenvaluesOnly)
-                 .eigenvalues()
-                 .maxCoeff());
+    out.variance[k] = std::max(0.0, eigenvalues(S).maxCoeff());
   }
   return out;
 }

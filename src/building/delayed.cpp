@@ -6,6 +6,8 @@
 #include <limits>
 #include <optional>
 
+#include "mapjoin/graph/symmetric.h"
+
 namespace mapjoin {
 
 namespace {
@@ -179,12 +181,12 @@ class Feature {
       }
     }
     if (!std::isfinite(chi2)) return std::nullopt;
-    const Eigen::SelfAdjointEigenSolver<Square> eigen(H);
-    const double weakest = eigen.eigenvalues()(0);
-    if (!(weakest > 1e-12 * eigen.eigenvalues().maxCoeff())) {
+    const Spectrum eigen = spectrum(H);
+    const double weakest = eigen.values(0);
+    if (!(weakest > 1e-12 * eigen.values.maxCoeff())) {
       return Minimum{std::move(x), chi2, std::numeric_limits<double>::infinity(), {}};
     }
-    const Residual worst = eigen.eigenvectors().col(0);
+    const Residual worst = eigen.vectors.col(0);
     return Minimum{std::move(x), chi2, 1.0 / std::sqrt(weakest),
                    std::vector<double>(worst.data(), worst.data() + worst.size())};
   }

@@ -102,12 +102,43 @@ constexpr ModelKind<M::Target::ambient> make_model() {
 template <MeasurementModel M>
 inline constexpr ModelKind<M::Target::ambient> kModel = make_model<M>();
 
+// The library's own models are compiled once, in model_kind.cpp.
+extern const ModelKind<2> kRelativePose2, kRelativePoint2, kRangeBearing, kBearingOnly, kRangeOnly,
+    kVelocityTurnRate;
+extern const ModelKind<3> kRelativePose3, kRelativePoint3, kRangeBearingElevation;
+
+template <class M>
+inline constexpr const ModelKind<M::Target::ambient>* kCompiledModel = nullptr;
+template <>
+inline constexpr const ModelKind<2>* kCompiledModel<RelativeModel<Pose2>> = &kRelativePose2;
+template <>
+inline constexpr const ModelKind<3>* kCompiledModel<RelativeModel<Pose3>> = &kRelativePose3;
+template <>
+inline constexpr const ModelKind<2>* kCompiledModel<RelativeModel<Point2>> = &kRelativePoint2;
+template <>
+inline constexpr const ModelKind<3>* kCompiledModel<RelativeModel<Point3>> = &kRelativePoint3;
+template <>
+inline constexpr const ModelKind<2>* kCompiledModel<RangeBearing> = &kRangeBearing;
+template <>
+inline constexpr const ModelKind<3>* kCompiledModel<RangeBearingElevation> =
+    &kRangeBearingElevation;
+template <>
+inline constexpr const ModelKind<2>* kCompiledModel<BearingOnly> = &kBearingOnly;
+template <>
+inline constexpr const ModelKind<2>* kCompiledModel<RangeOnly> = &kRangeOnly;
+template <>
+inline constexpr const ModelKind<2>* kCompiledModel<VelocityTurnRate> = &kVelocityTurnRate;
+
 }  // namespace detail
 
 /// The one description of model M.
 template <MeasurementModel M>
 constexpr const ModelKind<M::Target::ambient>& model_of() {
-  return detail::kModel<M>;
+  if constexpr (detail::kCompiledModel<M> != nullptr) {
+    return *detail::kCompiledModel<M>;
+  } else {
+    return detail::kModel<M>;
+  }
 }
 
 }  // namespace mapjoin

@@ -2,13 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
 #include "mapjoin/graph/check_local_map.h"
 #include "mapjoin/graph/error.h"
 #include "mapjoin/graph/key_numbering.h"
+#include "mapjoin/graph/symmetric.h"
 #include "mapjoin/graph/world.h"
 
 namespace mapjoin {
@@ -25,10 +25,7 @@ void check_numbers(const Key& from, const Key& to, const double* z, int measured
   }
   const Eigen::Map<const Eigen::MatrixXd> info(information, dim, dim);
   const double size = info.cwiseAbs().maxCoeff();
-  if (!(info - info.transpose()).isZero(1e-9 * size) ||
-      Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(info, Eigen::EigenvaluesOnly)
-              .eigenvalues()
-              .minCoeff() <= 0.0) {
+  if (!(info - info.transpose()).isZero(1e-9 * size) || eigenvalues(info).minCoeff() <= 0.0) {
     throw InputError(fmt::format(
         "the information of {} -> {} is not symmetric and positive definite: local maps are built "
         "from measurements that say something of each of their numbers",

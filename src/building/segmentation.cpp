@@ -12,6 +12,7 @@
 #include "mapjoin/building/delayed.h"
 #include "mapjoin/building/time_order.h"
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/symmetric.h"
 #include "mapjoin/joining/join_tree.h"
 
 namespace mapjoin {
@@ -182,9 +183,7 @@ class Cutter {
   double sigma() const {
     const Eigen::Matrix<double, D, D> position = covariance_.template topLeftCorner<D, D>();
     if (!position.allFinite()) return std::numeric_limits<double>::infinity();
-    return std::sqrt(
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, D, D>>(position, Eigen::EigenvaluesOnly)
-            .eigenvalues()(D - 1));
+    return std::sqrt(eigenvalues(position)(D - 1));
   }
 
   /// The measurements of a map, and the first pose (time) that measures a feature which the map

@@ -1,7 +1,6 @@
 #include "mapjoin/evaluation/consistency.h"
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 #include <cmath>
@@ -10,6 +9,7 @@
 #include "mapjoin/frames/align.h"
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/exact_gauge.h"
+#include "mapjoin/graph/symmetric.h"
 #include "mapjoin/solvers/covariance.h"
 #include "mapjoin/solvers/sparse_cholesky.h"
 
@@ -133,11 +133,11 @@ Coverage coverage(const Map<D>& map, const Values<D>& truth, double sigmas) {
 
 template <int D>
 ConfidenceRegion<D> confidence_region(const Mat<D, D>& covariance, double confidence) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, D, D>> eigen(covariance);
+  const Spectrum eigen = spectrum(covariance);
   const double scale = chi_squared_quantile(confidence, D);
   ConfidenceRegion<D> out;
-  out.semi_axes = (scale * eigen.eigenvalues().cwiseMax(0.0)).cwiseSqrt().reverse();
-  out.axes = eigen.eigenvectors().rowwise().reverse();
+  out.semi_axes = (scale * eigen.values.cwiseMax(0.0)).cwiseSqrt().reverse();
+  out.axes = eigen.vectors.rowwise().reverse();
   if (out.axes.determinant() < 0.0) out.axes.col(D - 1) *= -1.0;
   return out;
 }

@@ -2,12 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Geometry>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
+#include "mapjoin/frames/align.h"
 #include "mapjoin/graph/index.h"
 
 namespace mapjoin {
@@ -161,16 +160,16 @@ double rms(std::size_t n, const F& difference) {
 
 template <int D>
 double rmse_after_fit(const std::vector<std::pair<Vec<D>, Vec<D>>>& pairs) {
-  Eigen::MatrixXd a(D, static_cast<Eigen::Index>(pairs.size()));
-  Eigen::MatrixXd b(a.rows(), a.cols());
+  Eigen::Matrix<double, D, Eigen::Dynamic> a(D, static_cast<Eigen::Index>(pairs.size())), b = a;
   for (std::size_t k = 0; k < pairs.size(); ++k) {
     a.col(static_cast<Eigen::Index>(k)) = pairs[k].first;
     b.col(static_cast<Eigen::Index>(k)) = pairs[k].second;
   }
   // Not align(): a fit exists and has an error even where the points leave the motion open.
-  const Eigen::MatrixXd T = Eigen::umeyama(a, b, false);
-  const Eigen::MatrixXd fitted = (T.topLeftCorner(D, D) * a).colwise() + T.col(D).head(D);
-  return std::sqrt((fitted - b).squaredNorm() / static_cast<double>(b.size()));
+  a.colwise() -= a.rowwise().mean().eval();
+  b.colwise() -= b.rowwise().mean().eval();
+  const Mat<D, D> R = nearest_rotation<D>(b * a.transpose());
+  return std::sqrt((R * a - b).squaredNorm() / static_cast<double>(b.size()));
 }
 
 }  // namespace

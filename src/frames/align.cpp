@@ -1,10 +1,11 @@
 #include "mapjoin/frames/align.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/SVD>
 
 #include <cstring>
+
+#include "mapjoin/graph/symmetric.h"
 
 namespace mapjoin {
 
@@ -79,24 +80,8 @@ bool has_rank(std::span<const CommonColumn<D>> common, const Rigid<D>& centre) {
   Eigen::Matrix<double, G, 1> scale = Eigen::Matrix<double, G, 1>::Ones();
   scale.template tail<kRotation<D>>().setConstant(1.0 / spread);
   const Eigen::Matrix<double, G, G> scaled = scale.asDiagonal() * N * scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, G, G>> eigen(scaled,
-                                                                         Eigen::EigenvaluesOnly);
-  return eigen.eigenvalues()(0) > kRankTolerance * eigen.eigenvalues()(G - 1);
-}
-
-/// The rotation closest to M.
-template <int D>
-Mat<D, D> project_rotation(const Eigen::Matrix<double, D, D>& M) {
-  Mat<D, D> R;
-  if constexpr (D == 2) {
-    const double angle = std::atan2(M(1, 0) - M(0, 1), M(0, 0) + M(1, 1));
-    return rotation_exp<2, double>(Vec<1>(angle));
-  } else {
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    Eigen::Vector3d sign = Eigen::Vector3d::Ones();
-    if ((svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0) sign(2) = -1.0;
-    return svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
-  }
+  const Eigen::VectorXd values = eigenvalues(scaled);
+  return values(0) > kRankTolerance * values(G - 1);
 }
 
 /// What takes part in a fit. Only that may vouch for it: what else the maps share can fix a frame,
@@ -126,13 +111,6 @@ Mat<kRotation<D>, kRotation<D>> rotation_information(const Vectors& v) {
     out.noalias() -= v * v.transpose();
   }
   return out;
-}
-
-template <int N>
-Eigen::Matrix<double, N, 1> eigenvalues(const Mat<N, N>& symmetric) {
-  const Eigen::Matrix<double, N, N> aligned = symmetric;
-  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, N, N>>(aligned, Eigen::EigenvaluesOnly)
-      .eigenvalues();
 }
 
 /// \returns false when the rotation is not determined.
@@ -173,11 +151,11 @@ bool fit_rotation(const CommonGeometry<D>& common, Rigid<D>& T) {
     M.noalias() += weight * (common.directions.in_a() * common.directions.in_b().transpose());
     turning += rotation_information<D>(common.directions.in_a());
   }
-  const auto by_positions = eigenvalues<K>(positions);
+  const auto by_positions = eigenvalues(positions);
   if (!(by_positions(0) > kRankTolerance * by_positions(K - 1)) &&
-      !(eigenvalues<K>(turning)(0) > kCrossing))
+      !(eigenvalues(turning)(0) > kCrossing))
     return false;
-  T.R = project_rotation<D>(M);
+  T.R = nearest_rotation<D>(M);
   return true;
 }
 
@@ -193,7 +171,7 @@ bool fit_translation(const CommonGeometry<D>& common, Rigid<D>& T) {
   if (common.offsets.size() == 0) return n > 0;
   const auto normals = common.normals.in_a();
   const Mat<D, D> crossing = normals * normals.transpose();
-  if (n == 0 && !(eigenvalues<D>(crossing)(0) > kCrossing)) return false;
+  if (n == 0 && !(eigenvalues(crossing)(0) > kCrossing)) return false;
   const Eigen::VectorXd missing = (common.offsets.in_a() - common.offsets.in_b()).transpose() -
                                   normals.transpose() * Eigen::Matrix<double, D, 1>(T.t);
   const Eigen::Matrix<double, D, D> N = crossing + n * Mat<D, D>::Identity();
@@ -202,6 +180,19 @@ bool fit_translation(const CommonGeometry<D>& common, Rigid<D>& T) {
 }
 
 }  // namespace
+
+template <int D>
+Mat<D, D> nearest_rotation(const Mat<D, D>& M) {
+  if constexpr (D == 2) {
+    const double angle = std::atan2(M(1, 0) - M(0, 1), M(0, 0) + M(1, 1));
+    return rotation_exp<2, double>(Vec<1>(angle));
+  } else {
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    Eigen::Vector3d sign = Eigen::Vector3d::Ones();
+    if ((svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0) sign(2) = -1.0;
+    return svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
+  }
+}
 
 template <int D>
 bool fixes_frame(std::span<const CommonColumn<D>> common) {
@@ -246,6 +237,7 @@ std::optional<Rigid<D>> align(const Values<D>& a, const Values<D>& b) {
 }
 
 #define MAPJOIN_INSTANTIATE(D)                                                       \
+  template Mat<D, D> nearest_rotation<D>(const Mat<D, D>&);                          \
   template bool fixes_frame<D>(std::span<const CommonColumn<D>>);                    \
   template std::optional<Rigid<D>> align<D>(std::span<const CommonColumn<D>>);       \
   template std::optional<Rigid<D>> align<D>(const CommonGeometry<D>&);               \

@@ -25,6 +25,10 @@ struct CommonColumn {
 template <int D>
 bool fixes_frame(std::span<const CommonColumn<D>> common);
 
+/// The rotation closest to M, by the sum of squared differences; one of them where several are.
+template <int D>
+Mat<D, D> nearest_rotation(const Mat<D, D>& M);
+
 /// The rigid motion T that best lays map b on map a: T x_b ~ x_a for the common variables.
 ///
 /// Closed form, in two steps, by what variable types offer of themselves (graph/variable.h):

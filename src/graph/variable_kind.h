@@ -171,12 +171,31 @@ constexpr VariableKind<T::ambient> make_kind() {
 template <VariableType T>
 inline constexpr VariableKind<T::ambient> kKind = make_kind<T>();
 
+// The library's own types are compiled once, in variable_kind.cpp: nearly every file names them.
+extern const VariableKind<2> kPose2, kPoint2;
+extern const VariableKind<3> kPose3, kPoint3;
+
+template <class T>
+inline constexpr const VariableKind<T::ambient>* kCompiledKind = nullptr;
+template <>
+inline constexpr const VariableKind<2>* kCompiledKind<Pose2> = &kPose2;
+template <>
+inline constexpr const VariableKind<3>* kCompiledKind<Pose3> = &kPose3;
+template <>
+inline constexpr const VariableKind<2>* kCompiledKind<Point2> = &kPoint2;
+template <>
+inline constexpr const VariableKind<3>* kCompiledKind<Point3> = &kPoint3;
+
 }  // namespace detail
 
 /// The one description of type T. Types are the same when their tags are.
 template <VariableType T>
 constexpr const VariableKind<T::ambient>& kind_of() {
-  return detail::kKind<T>;
+  if constexpr (detail::kCompiledKind<T> != nullptr) {
+    return *detail::kCompiledKind<T>;
+  } else {
+    return detail::kKind<T>;
+  }
 }
 
 }  // namespace mapjoin

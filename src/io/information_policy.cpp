@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 
 #include "mapjoin/graph/error.h"
 #include "mapjoin/graph/rotation.h"
+#include "mapjoin/graph/symmetric.h"
 
 namespace mapjoin {
 
@@ -15,11 +15,6 @@ namespace {
 constexpr double kTolerance = 1e-9;
 
 using Matrix = Eigen::Ref<const Eigen::MatrixXd>;
-
-Eigen::VectorXd eigenvalues(const Matrix& information) {
-  return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(information, Eigen::EigenvaluesOnly)
-      .eigenvalues();
-}
 
 template <int N>
 bool factorizes(const Matrix& information) {
@@ -63,15 +58,15 @@ double smallest_eigenvalue(const Matrix& information) {
 }
 
 void clamp_information(Eigen::Ref<Eigen::MatrixXd> information) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(information);
-  const double largest = solver.eigenvalues().maxCoeff();
+  const Spectrum found = spectrum(information);
+  const double largest = found.values.maxCoeff();
   if (!(largest > 0.0)) {
     throw InputError(
         "an information matrix without a positive eigenvalue cannot be clamped; "
         "remove the measurement");
   }
-  const Eigen::VectorXd raised = solver.eigenvalues().cwiseMax(kTolerance * largest);
-  const Eigen::MatrixXd& V = solver.eigenvectors();
+  const Eigen::VectorXd raised = found.values.cwiseMax(kTolerance * largest);
+  const Eigen::MatrixXd& V = found.vectors;
   const Eigen::MatrixXd nearest = V * raised.asDiagonal() * V.transpose();
   information = 0.5 * (nearest + nearest.transpose());
 }

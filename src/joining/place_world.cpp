@@ -2,11 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <optional>
 
 #include "mapjoin/frames/align.h"
+#include "mapjoin/graph/symmetric.h"
 #include "mapjoin/graph/world.h"
 #include "mapjoin/joining/place.h"
 
@@ -17,14 +17,6 @@ namespace {
 constexpr double kKnownRotation = 1.0;    // 1/rad^2
 constexpr double kKnownDirection = 1e-9;  // of the information on the best known direction
 
-template <int N, class Block>
-Eigen::Matrix<double, N, 1> eigenvalues(const Block& block) {
-  const Eigen::Matrix<double, N, N> symmetric = block;
-  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, N, N>>(symmetric,
-                                                                    Eigen::EigenvaluesOnly)
-      .eigenvalues();
-}
-
 /// What a measurement of a pose says on its own.
 template <int D>
 struct Knows {
@@ -34,9 +26,9 @@ struct Knows {
 template <int D>
 Knows<D> knows(const double* information) {
   const Eigen::Map<const Mat<kGauge<D>, kGauge<D>>> info(information);
-  const auto t = eigenvalues<D>(info.template topLeftCorner<D, D>());
-  const auto r =
-      eigenvalues<kRotation<D>>(info.template bottomRightCorner<kRotation<D>, kRotation<D>>());
+  const Eigen::VectorXd t = eigenvalues(info.template topLeftCorner<D, D>());
+  const Eigen::VectorXd r =
+      eigenvalues(info.template bottomRightCorner<kRotation<D>, kRotation<D>>());
   return {t(0) > kKnownDirection * t(D - 1), r(0) >= kKnownRotation};
 }
 

@@ -275,6 +275,23 @@ TYPED_TEST(Align, IsTheBestFit) {
   }
 }
 
+// Nearest means: of all rotations the one whose trace of R' M is largest.
+TYPED_TEST(Align, TheNearestRotationIsNearerThanOthers) {
+  constexpr int D = TypeParam::value;
+  Dice dice(5);
+  for (int trial = 0; trial < 50; ++trial) {
+    Mat<D, D> M;
+    for (int k = 0; k < D * D; ++k) M(k / D, k % D) = dice.normal();
+    if (trial % 5 == 0) M.col(D - 1) = M.col(0);  // of lower rank
+    const Mat<D, D> R = nearest_rotation<D>(M);
+    EXPECT_LT(distance(R * R.transpose(), Mat<D, D>::Identity()), 1e-14);
+    EXPECT_NEAR(R.determinant(), 1.0, 1e-14) << "a rotation, not a reflection";
+    const double best = (R.transpose() * M).trace();
+    for (int k = 0; k < 100; ++k)
+      EXPECT_LE((random_rotation<D>(dice).transpose() * M).trace(), best + 1e-12);
+  }
+}
+
 TYPED_TEST(Align, DoesNotDependOnUnits) {
   constexpr int D = TypeParam::value;
   const auto scaled = [](Values<D> x, double scale) {
