@@ -1,4 +1,5 @@
 #include "tests/support/ceres_reference.h"
+#include "mapjoin/graph/symmetric.h"
 
 #include <ceres/ceres.h>
 #include <ceres/rotation.h>
@@ -9,6 +10,7 @@
 #include <memory>
 
 #include "mapjoin/graph/index.h"
+#include "tests/support/dense.h"
 
 namespace mapjoin::test {
 
@@ -36,9 +38,8 @@ StateOf<D> state(const Key& key, const double* x) {
   return out;
 }
 Eigen::MatrixXd root_of(const Eigen::MatrixXd& I) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(I);
-  return eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() *
-         eigen.eigenvectors().transpose();
+  const Spectrum found = spectrum(I);
+  return found.values.cwiseMax(0.0).cwiseSqrt().asDiagonal() * found.vectors.transpose();
 }
 
 /// Increments of an anchor and of terms, about the values given.
@@ -309,7 +310,7 @@ void CeresReference<D>::polish(Values<D>& x, const Key& held) const {
       normal.H(s, s) = 1.0;
       normal.b(s) = 0.0;
     }
-    const Eigen::VectorXd d = normal.H.ldlt().solve(normal.b);
+    const Eigen::VectorXd d = dense_solve(normal.H, normal.b);
     const double size = d.cwiseAbs().maxCoeff();
     if (!(size < last)) return;
     last = size;

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <vector>
 
+#include "tests/support/dense.h"
 #include "tests/support/random_maps.h"
 
 namespace mapjoin::test {
@@ -78,7 +79,7 @@ Wandering<D> wander(Dice& dice, const Walk& walk) {
     for (std::size_t i = 0; i < map.kinds.size(); x += map.kinds[i++]->value_size)
       map.kinds[i]->retract(x, noise.data() + offsets[i], 1);
     const Eigen::MatrixXd covariance = root * root.transpose();
-    const Eigen::MatrixXd information = covariance.llt().solve(Eigen::MatrixXd::Identity(n, n));
+    const Eigen::MatrixXd information = dense_inverse(covariance);
     map.information =
         SymmetricBlockMatrix::from_dense(offsets, 0.5 * (information + information.transpose()));
     out.maps.push_back(std::move(map));

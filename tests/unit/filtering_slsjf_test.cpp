@@ -12,6 +12,7 @@
 #include "mapjoin/joining/join.h"
 #include "mapjoin/joining/join_all.h"
 #include "mapjoin/solvers/covariance.h"
+#include "tests/support/dense.h"
 #include "tests/support/local_map_chain.h"
 #include "tests/support/user_types.h"
 
@@ -115,7 +116,7 @@ class TextbookFilter {
     }
     I_ += H.transpose() * I_local * H;  // (8)
     i_ += H.transpose() * I_local * (r + H * x_);
-    x_ = I_.llt().solve(i_);  // (13)
+    x_ = test::dense_solve(I_, i_);  // (13)
   }
   const Eigen::VectorXd& x() const { return x_; }
   int offset(const Key& key) const { return offset_.at(key); }
@@ -244,7 +245,7 @@ TYPED_TEST(SlsjfFilter, KnowsItsCovariance) {
   const Eigen::SparseMatrix<double> lower = filter.filter().information();
   const Eigen::MatrixXd I = Eigen::MatrixXd(lower).template selfadjointView<Eigen::Lower>();
   const int i = *state.find(point_key(3));
-  const Eigen::MatrixXd inverse = I.inverse();
+  const Eigen::MatrixXd inverse = test::dense_inverse(I);
   EXPECT_LT(relative_distance(P.block(kGauge<D>, kGauge<D>, D, D),
                               inverse.block(state.offset(i), state.offset(i), D, D)),
             1e-8);

@@ -16,6 +16,7 @@
 #include "mapjoin/frames/gauge.h"
 #include "mapjoin/frames/local_map.h"
 #include "mapjoin/frames/parse_anchor.h"
+#include "tests/support/dense.h"
 #include "tests/support/random_maps.h"
 
 namespace mapjoin {
@@ -114,7 +115,7 @@ TEST(PointsAnchorOf, SpacePinsSixCoordinates) {
             (std::vector<int>{offset(1) + 1, offset(1) + 2, offset(2) + 2, offset(4), offset(4) + 1,
                               offset(4) + 2}));
   const AnchorRows rows = anchor_rows(map.anchor, map.values);
-  EXPECT_NEAR(std::abs(rows.C.determinant()), on_x(0) * on_x(0) * at_y(1), 1e-9);
+  EXPECT_NEAR(std::abs(test::dense_determinant(rows.C)), on_x(0) * on_x(0) * at_y(1), 1e-9);
   const AnchoredInformation anchored = anchored_information(map);
   EXPECT_EQ(static_cast<int>(anchored.scalars.size()), map.variables().scalars() - 6);
 }
@@ -173,7 +174,7 @@ TYPED_TEST(PointsAnchor, SaysWhichPointIsMissingTwiceOrNone) {
 template <int D>
 Eigen::MatrixXd covariance_of(const Map<D>& map, const Anchor<D>& anchor) {
   const AnchoredInformation I = anchored_information(map);
-  const Eigen::MatrixXd inverse = I.dense().inverse();
+  const Eigen::MatrixXd inverse = test::dense_inverse(I.dense());
   Eigen::MatrixXd all = Eigen::MatrixXd::Zero(map.variables().scalars(), map.variables().scalars());
   all(I.scalars, I.scalars) = inverse;
   std::vector<int> scalars;

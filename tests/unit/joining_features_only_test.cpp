@@ -20,6 +20,7 @@
 #include "mapjoin/solvers/covariance.h"
 #include "mapjoin/solvers/marginalize.h"
 #include "tests/support/ceres_reference.h"
+#include "tests/support/dense.h"
 #include "tests/support/random_maps.h"
 
 namespace mapjoin {
@@ -60,7 +61,7 @@ double determinant(const std::vector<Vec<D>>& points, const Anchor<D>& anchor) {
   for (const Key& key : anchor.keys) builder.template add<PointType<D>>(key, points[key.id]);
   Values<D> values = std::move(builder).build();
   values.transform(motion_into(anchor, values));
-  return std::abs(anchor_rows(anchor, values).C.determinant());
+  return std::abs(test::dense_determinant(anchor_rows(anchor, values).C));
 }
 
 TYPED_TEST(FeaturesOnly, BestPointsHaveTheLargestDeterminantInTheMapWhereItIsSmallest) {
@@ -203,7 +204,7 @@ TYPED_TEST(FeaturesOnly, PublishedJoinIsTheDenseFormulaInTheFrameOfCommonPoints)
     const Eigen::MatrixXd expected = I(ours.scalars, ours.scalars);
     EXPECT_LT(relative_distance(ours.dense(), expected), 1e-10);
     const Eigen::VectorXd right = i(ours.scalars);
-    const Eigen::VectorXd x = expected.ldlt().solve(right);
+    const Eigen::VectorXd x = test::dense_solve(expected, right);
     for (std::size_t k = 0; k < ours.scalars.size(); ++k)
       EXPECT_NEAR(joined.values.value(ours.scalars[k] / D)[ours.scalars[k] % D],
                   x(static_cast<Eigen::Index>(k)), 1e-8);
@@ -229,7 +230,7 @@ TYPED_TEST(FeaturesOnly, PublishedJoinIsTheMinimiserOfItsObjective) {
     objective.add(as_local_map(there));
   }
   const auto normal = objective.normal_equations(joined.values);
-  const Eigen::VectorXd step = normal.H.completeOrthogonalDecomposition().solve(normal.b);
+  const Eigen::VectorXd step = test::dense_least_squares(normal.H, normal.b);
   EXPECT_LT(step.cwiseAbs().maxCoeff(), 1e-7);
   EXPECT_LT(relative_distance(joined.information.dense(), normal.H), 1e-7);
 }
@@ -376,7 +377,7 @@ TYPED_TEST(FeaturesOnly, LocalMapsAreTheirMarginals) {
     const Eigen::MatrixXd cross = I.block(first, other, p, q);
     const Eigen::MatrixXd expected =
         I.block(first, first, p, p) -
-        cross * I.block(other, other, q, q).ldlt().solve(cross.transpose());
+        cross * test::dense_solve(I.block(other, other, q, q), cross.transpose());
     EXPECT_LT(relative_distance(map.information.dense(), expected), 1e-8);
     for (const int i : points)
       EXPECT_LT(distance(map.values.point(whole.variables().key(i)),

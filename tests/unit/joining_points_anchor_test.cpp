@@ -17,6 +17,7 @@
 #include "mapjoin/joining/join.h"
 #include "mapjoin/joining/join_all.h"
 #include "tests/support/ceres_reference.h"
+#include "tests/support/dense.h"
 #include "tests/support/program.h"
 #include "tests/support/random_maps.h"
 
@@ -130,7 +131,7 @@ TYPED_TEST(JoinInPoints, WithoutPosesEndsWhereTheGradientVanishes) {
       const Map<D>& map = result.maps[0];
       const auto normal = reference.normal_equations(map.values);
       // The step that is left, in the directions that matter.
-      const Eigen::VectorXd step = normal.H.completeOrthogonalDecomposition().solve(normal.b);
+      const Eigen::VectorXd step = test::dense_least_squares(normal.H, normal.b);
       EXPECT_LT(step.cwiseAbs().maxCoeff(), 1e-4);
       EXPECT_NEAR(normal.chi2, result.report.chi2, 1e-8 * normal.chi2);
       EXPECT_NEAR(chi2(map.values, *map.observations), normal.chi2, 1e-8 * normal.chi2);
@@ -288,7 +289,7 @@ TYPED_TEST(JoinInPoints, TheJoinIsOneDenseLeastSquaresSolve) {
   Eigen::VectorXd d = Eigen::VectorXd::Zero(N.rows());
   const Eigen::MatrixXd reduced = N(kept, kept);
   const Eigen::VectorXd right = rhs(kept);
-  const Eigen::VectorXd solution = reduced.ldlt().solve(right);
+  const Eigen::VectorXd solution = test::dense_solve(reduced, right);
   d(kept) = solution;
   Values<D> expected = merged.x0;
   expected.retract({d.data(), static_cast<std::size_t>(d.size())});

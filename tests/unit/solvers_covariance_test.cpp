@@ -8,6 +8,7 @@
 #include "mapjoin/joining/join.h"
 #include "mapjoin/joining/join_all.h"
 #include "mapjoin/solvers/relative.h"
+#include "tests/support/dense.h"
 #include "tests/support/random_maps.h"
 #include "tests/support/user_types.h"
 
@@ -18,7 +19,7 @@ namespace {
 template <int D>
 Eigen::MatrixXd dense_covariance(const Map<D>& map) {
   const AnchoredInformation anchored = anchored_information(map);
-  const Eigen::MatrixXd inverse = anchored.dense().inverse();
+  const Eigen::MatrixXd inverse = test::dense_inverse(anchored.dense());
   const int n = map.variables().scalars();
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(n, n);
   for (std::size_t c = 0; c < anchored.scalars.size(); ++c) {
@@ -98,7 +99,7 @@ TYPED_TEST(CovarianceOf, DenselyCoupledVariablesIsExactToo) {
   const Eigen::MatrixXd g = map.values.gauge();
   const int n = map.variables().scalars();
   const Eigen::MatrixXd away =
-      Eigen::MatrixXd::Identity(n, n) - g * (g.transpose() * g).inverse() * g.transpose();
+      Eigen::MatrixXd::Identity(n, n) - g * test::dense_inverse(g.transpose() * g) * g.transpose();
   map.information =
       SymmetricBlockMatrix::from_dense(map.variables().offsets(), away * dice.definite(n) * away);
   const Eigen::MatrixXd dense = dense_covariance(map);
