@@ -23,6 +23,5 @@ check() {
 export -f check
 export INCLUDES="-I $build/include $includes"
 
-# Where OMP_NUM_THREADS is set nproc takes it for an answer.
 find src -name '*.h' -not -path 'src/cli/*' -printf '%P\0' | sort -z |
-  xargs -0 -n 1 -P "$(env -u OMP_NUM_THREADS nproc)" bash -c 'check "$0"'
+  xargs -0 -n 1 -P "$(nproc)" bash -c 'check "$0"'

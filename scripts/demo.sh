@@ -10,7 +10,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 scripts/setup.sh
 cmake --preset release
-cmake --build --preset release --parallel "$(env -u OMP_NUM_THREADS nproc)" --target mapjoin_program
+cmake --build --preset release --parallel "$(nproc)" --target mapjoin_program
 
 echo
 build/release/mapjoin demo --output "$output"

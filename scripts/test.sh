@@ -11,7 +11,7 @@ if [[ $# -gt 0 && $1 != -* ]]; then
   preset=$1
   shift
 fi
-jobs=$(env -u OMP_NUM_THREADS nproc)  # else that many, where it is set
+jobs=$(nproc)
 build=build/$preset
 
 scripts/setup.sh
