@@ -13,8 +13,6 @@ namespace mapjoin::benchmarks {
 
 namespace {
 
-using Rows = std::vector<std::vector<std::string>>;
-
 std::string known_seconds(double s) { return s > 0.0 ? seconds(s) : ""; }
 
 std::string label(const Comparison& c) { return c.name + (c.local_maps ? " (local maps)" : ""); }
@@ -153,8 +151,7 @@ std::string goals(std::span<const Comparison> comparisons) {
 
 }  // namespace
 
-std::string table(const std::vector<std::string>& head,
-                  const std::vector<std::vector<std::string>>& rows) {
+std::string table(const std::vector<std::string>& head, const Rows& rows) {
   std::string out = fmt::format("| {} |\n|", fmt::join(head, " | "));
   for (std::size_t k = 0; k < head.size(); ++k) out += k == 0 ? "---|" : "---:|";
   out += "\n";

@@ -35,9 +35,10 @@ std::string json(std::span<const Comparison> comparisons, std::span<const Growth
 /// A bar for each data set and number of threads: how many times as long as one factorisation.
 std::string chart(std::span<const Comparison> comparisons);
 
+using Rows = std::vector<std::vector<std::string>>;
+
 /// In Markdown; the first column is text, the others are numbers.
-std::string table(const std::vector<std::string>& head,
-                  const std::vector<std::vector<std::string>>& rows);
+std::string table(const std::vector<std::string>& head, const Rows& rows);
 
 /// Three digits that count.
 std::string seconds(double s);

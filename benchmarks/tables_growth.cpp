@@ -47,7 +47,7 @@ std::string markdown(std::span<const Growth> growths, const ComparisonOptions& o
       "beyond what was in use.\n\n",
       options.repeat);
   for (const Growth& g : growths) {
-    std::vector<std::vector<std::string>> rows;
+    Rows rows;
     for (std::size_t t = 0; t < g.threads.size(); ++t) {
       for (std::size_t s = 0; s < g.steps.size(); ++s) rows.push_back(row(g, t, s));
     }

@@ -1,5 +1,4 @@
 #include "tests/support/ceres_reference.h"
-#include "mapjoin/graph/symmetric.h"
 
 #include <ceres/ceres.h>
 #include <ceres/rotation.h>
@@ -10,6 +9,7 @@
 #include <memory>
 
 #include "mapjoin/graph/index.h"
+#include "mapjoin/graph/symmetric.h"
 #include "tests/support/dense.h"
 
 namespace mapjoin::test {
