@@ -64,12 +64,14 @@ void show_graph(const MeasurementGraph<D>& graph) {
        pieces.size() == 1 ? "1" : fmt::format("{} (variables: {})", pieces.size(), sizes));
 }
 
+bool is_solution(const std::string& g2o) {
+  return g2o.find("EDGE") == std::string::npos && g2o.find("VERTEX") != std::string::npos;
+}
+
 void show_g2o(const std::string& path) {
-  const std::string content = read_file(path);
-  const bool has_edges = content.find("EDGE") != std::string::npos;
   G2oOptions options;
   options.skip_unknown = true;
-  if (!has_edges && content.find("VERTEX") != std::string::npos) {
+  if (is_solution(read_file(path))) {
     std::visit(
         [&]<int D>(const Values<D>& values) {
           line("file", fmt::format("{}: {}D solution in g2o, no measurements", path, D));

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "mapjoin/graph/index.h"
+
 namespace mapjoin {
 
 template <int D>
@@ -13,33 +15,40 @@ void KeyNumbering<D>::add(const VariableKind<D>& kind, std::span<const Key> keys
     at = columns_.end() - 1;
     at->kind = &kind;
   }
+  if (keys.empty()) return;
+  const std::uint32_t session = at->parts.empty() ? keys[0].session : at->parts[0][0].session;
   for (const Key& key : keys) {
-    if (!at->keys.empty() && at->keys.back() == key) continue;
-    at->one_session =
-        at->one_session && (at->keys.empty() || at->keys.front().session == key.session);
+    at->one_session = at->one_session && key.session == session;
     at->lowest = std::min(at->lowest, key.id);
     at->highest = std::max(at->highest, key.id);
-    at->keys.push_back(key);
   }
+  at->parts.push_back(keys);
+  at->size += keys.size();
 }
 
 template <int D>
 const VariableSet<D>& KeyNumbering<D>::number() {
   std::vector<typename VariableSet<D>::Column> columns;
   for (Column& c : columns_) {
-    if (c.keys.empty()) continue;
+    if (c.parts.empty()) continue;
     typename VariableSet<D>::Column out{c.kind, {}, 0, 0};
     if (dense(c)) {
       c.table.assign(static_cast<std::size_t>(c.highest - c.lowest) + 1, -1);
-      for (const Key& key : c.keys) c.table[static_cast<std::size_t>(key.id - c.lowest)] = 0;
+      for (const std::span<const Key> keys : c.parts) {
+        for (const Key& key : keys) c.table[static_cast<std::size_t>(key.id - c.lowest)] = 0;
+      }
+      out.keys.reserve(at(std::count(c.table.begin(), c.table.end(), 0)));
       for (std::size_t k = 0; k < c.table.size(); ++k) {
-        if (c.table[k] == 0)
-          out.keys.push_back({c.kind->tag, c.keys.front().session, c.lowest + k});
+        if (c.table[k] == 0) out.keys.push_back({c.kind->tag, c.parts[0][0].session, c.lowest + k});
       }
     } else {
-      out.keys = c.keys;
+      for (const std::span<const Key> keys : c.parts) {
+        for (const Key& key : keys) {
+          if (out.keys.empty() || out.keys.back() != key) out.keys.push_back(key);
+        }
+      }
     }
-    c.keys = {};
+    c.parts = {};
     columns.push_back(std::move(out));
   }
   set_ = VariableSet<D>(std::move(columns));

@@ -15,6 +15,7 @@ namespace mapjoin {
 template <int D>
 class KeyNumbering {
  public:
+  /// The keys must outlive number().
   void add(const VariableKind<D>& kind, std::span<const Key> keys);
   /// The set of all keys added. O(n) when each type's ids are dense and of one session, else O(n
   /// log n).
@@ -25,14 +26,15 @@ class KeyNumbering {
  private:
   struct Column {
     const VariableKind<D>* kind;
-    std::vector<Key> keys;
+    std::vector<std::span<const Key>> parts;
+    std::size_t size = 0;  // of all parts
     std::uint64_t lowest = ~std::uint64_t{0};
     std::uint64_t highest = 0;
     bool one_session = true;
     std::vector<std::int32_t> table;  // number by id - lowest, where dense
   };
   bool dense(const Column& c) const {
-    return c.one_session && c.highest - c.lowest < 8 * c.keys.size() + 64;
+    return c.one_session && c.highest - c.lowest < 8 * c.size + 64;
   }
 
   std::vector<Column> columns_;

@@ -122,6 +122,17 @@ TEST_F(G2oRead, RepeatedEdgesAreSeveralMeasurements) {
   EXPECT_EQ(read(kEdge + kEdge).as<2>().size(), 2U);
 }
 
+TEST_F(G2oRead, TheGraphTakesNoMoreMemoryThanItsMeasurements) {
+  std::string text = "VERTEX_SE2 0 0 0 0\nEDGE_SE2_XY 0 1000 1 2 1 0 1\n";
+  for (int k = 0; k < 99; ++k) text += fmt::format("EDGE_SE2 {} {} 1 0 0 1 0 0 1 0 1\n", k, k + 1);
+  const G2oGraph g = read(text);
+  ASSERT_EQ(g.as<2>().relative.size(), 2U);
+  for (const auto& column : g.as<2>().relative) {
+    EXPECT_EQ(column.z.capacity(), column.z.size());
+    EXPECT_EQ(column.info.capacity(), column.info.size());
+  }
+}
+
 TEST_F(G2oRead, IsolatedVerticesAreCountedAndLeftOut) {
   const G2oGraph g = read(kEdge + "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 8 0 0 0\nVERTEX_XY 9 0 0\n");
   EXPECT_EQ(g.counts.isolated_vertices, 2);
