@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <fstream>
 
+#include "benchmarks/goals.h"
 #include "benchmarks/tables.h"
 #include "mapjoin/cli/freed_memory.h"
 #include "mapjoin/graph/error.h"
@@ -105,7 +106,12 @@ int run(const Arguments& a) {
     throw InputError(
         "nothing to measure: name a .g2o file, a folder of local maps, --simulate or --growth");
   }
-  fmt::print("{}{}", markdown(comparisons, a.options), markdown(growths, a.options));
+  std::vector<std::string> worlds = a.worlds;
+  worlds.insert(worlds.end(), a.growths.begin(), a.growths.end());
+  std::vector<Goal> aims = goals(comparisons);
+  for (Goal& goal : goals(growths)) aims.push_back(std::move(goal));
+  fmt::print("{}{}{}## Goals\n\n{}\n", markdown(comparisons, a.options),
+             markdown(growths, a.options), worlds_table(worlds, a.seed), markdown(aims));
   write(a.json, json(comparisons, growths, a.options));
   if (!comparisons.empty()) write(a.svg, chart(comparisons));
   const auto reached = [](const auto& what) { return what.reached(); };

@@ -41,8 +41,10 @@ Comparison describe(const Problem<D>& problem, const JoinResult<D>& result) {
   out.redone_joins = result.report.redone_joins;
   out.chi2 = chi2_of(result);
   const auto known = published(problem.name, out.local_maps);
-  out.optimum = known ? known->optimum : tightest_chi2(result);
-  out.optimum_from = known ? "reference" : "tightest refinement";
+  const Minimum minimum =
+      known ? Minimum{known->optimum, "reference"} : minimum_of(problem, result);
+  out.optimum = minimum.chi2;
+  out.optimum_from = minimum.from;
   return out;
 }
 

@@ -43,7 +43,7 @@ struct Comparison {
 
   double chi2 = 0.0;         ///< of mapjoin's result, evaluated anew
   double optimum = 0.0;      ///< what it is held against
-  std::string optimum_from;  ///< "reference" or "tightest refinement"
+  std::string optimum_from;  ///< "reference", "refinement from the truth", "tightest ..."
   int refine_solves = 0, joins = 0, redone_joins = 0;
   double ceres_chi2 = 0.0;
   int ceres_iterations = 0;

@@ -42,7 +42,7 @@ GrowthStep describe(const Problem<D>& problem) {
   GrowthStep out;
   out.poses = result.report.poses;
   out.observations = result.report.observations;
-  out.error = chi2_of(result) / tightest_chi2(result) - 1.0;
+  out.error = chi2_of(result) / minimum_of(problem, result).chi2 - 1.0;
   return out;
 }
 

@@ -14,7 +14,7 @@ namespace mapjoin::benchmarks {
 /// One size of a world.
 struct GrowthStep {
   std::int64_t poses = 0, observations = 0;
-  double error = 0.0;           ///< of chi2, relative to the tightest refinement
+  double error = 0.0;           ///< of chi2, relative to the minimum next to the truth
   std::vector<Contender> join;  ///< to the optimum, values alone; per number of threads
 
   bool reached() const;  ///< within kTolerance

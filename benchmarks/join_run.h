@@ -31,9 +31,15 @@ JoinRun<D> run_join(const Problem<D>& problem, int threads, bool information);
 template <int D>
 double chi2_of(const JoinResult<D>& result);
 
-/// chi2 after as many more solves as change anything: what a result is held against where no
-/// reference is known.
+/// What a result is held against where no reference is known.
+struct Minimum {
+  double chi2 = 0.0;  ///< not a number where refinement did not get there
+  const char* from = "";
+};
+
+/// Of a simulated world the minimum next to the truth: joining has not seen it and may have ended
+/// in another. Of any other what as many more solves as change anything make of the result.
 template <int D>
-double tightest_chi2(const JoinResult<D>& result);
+Minimum minimum_of(const Problem<D>& problem, const JoinResult<D>& result);
 
 }  // namespace mapjoin::benchmarks

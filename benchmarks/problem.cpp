@@ -24,6 +24,15 @@ AnyProblem from_local_maps(const std::filesystem::path& folder) {
       read_local_maps(folder));
 }
 
+template <int D>
+AnyProblem from_simulation(const SimulationOptions& options) {
+  Simulation<D> world = simulate<D>(options);
+  return Problem<D>{fmt::format("{} {}", name(options.world), options.poses),
+                    {},
+                    std::move(world.graph),
+                    std::move(world.truth)};
+}
+
 }  // namespace
 
 AnyProblem read_problem(const std::filesystem::path& path) {
@@ -51,9 +60,7 @@ AnyProblem simulate_problem(const std::string& text, std::uint64_t seed) {
   SimulationOptions options = simulation_defaults(parse_world(text.substr(0, colon)));
   options.poses = poses;
   options.seed = seed;
-  const std::string name = fmt::format("{} {}", text.substr(0, colon), poses);
-  if (dimension(options.world) == 2) return Problem<2>{name, {}, simulate<2>(options).graph};
-  return Problem<3>{name, {}, simulate<3>(options).graph};
+  return dimension(options.world) == 2 ? from_simulation<2>(options) : from_simulation<3>(options);
 }
 
 }  // namespace mapjoin::benchmarks

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -15,6 +16,7 @@ struct Problem {
   std::string name;
   std::vector<LocalMap<D>> local_maps;  ///< where it is a set of them
   MeasurementGraph<D> graph;            ///< all measurements
+  std::optional<Values<D>> truth = {};  ///< of a simulated world
 };
 using AnyProblem = std::variant<Problem<2>, Problem<3>>;
 

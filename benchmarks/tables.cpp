@@ -15,8 +15,6 @@ namespace {
 
 std::string known_seconds(double s) { return s > 0.0 ? seconds(s) : ""; }
 
-std::string label(const Comparison& c) { return c.name + (c.local_maps ? " (local maps)" : ""); }
-
 std::string ratios(std::span<const Comparison> comparisons) {
   Rows rows;
   for (const Comparison& c : comparisons) {
@@ -121,35 +119,9 @@ std::string others(std::span<const Comparison> comparisons) {
                rows);
 }
 
-std::string judged(const std::string& what, double value, const char* relation, double goal) {
-  const bool holds = relation[0] == '<' ? value <= goal : value >= goal;
-  return fmt::format("* {}: {:.2f} {} {:.1f} {}\n", what, value, relation, goal,
-                     holds ? "holds" : "does **not** hold");
-}
-
-std::string goals(std::span<const Comparison> comparisons) {
-  std::string out;
-  for (const Comparison& c : comparisons) {
-    double alone = 0.0;
-    for (const ThreadFigures& t : c.threads) {
-      if (t.threads == 1) {
-        alone = t.join.seconds();
-        out += judged(label(c) + ", one thread over one factorisation", t.ratio(),
-                      "<=", kGoalOneThread);
-      }
-      if (t.threads != 2) continue;
-      out += judged(label(c) + ", two threads over one factorisation", t.ratio(),
-                    "<=", kGoalTwoThreads);
-      if (alone > 0.0 && c.factor_rows >= kGoalSpeedUpFrom) {
-        out += judged(label(c) + ", one thread over two", alone / t.join.seconds(),
-                      ">=", kGoalSpeedUp);
-      }
-    }
-  }
-  return out;
-}
-
 }  // namespace
+
+std::string label(const Comparison& c) { return c.name + (c.local_maps ? " (local maps)" : ""); }
 
 std::string table(const std::vector<std::string>& head, const Rows& rows) {
   std::string out = fmt::format("| {} |\n|", fmt::join(head, " | "));
@@ -179,7 +151,7 @@ std::string markdown(std::span<const Comparison> comparisons, const ComparisonOp
          checks(comparisons) + others(comparisons) +
          "## Peak memory\n\nBeyond the measurements and whatever else was in use before the "
          "run.\n\n" +
-         memory(comparisons) + "## Goals\n\n" + goals(comparisons) + "\n";
+         memory(comparisons);
 }
 
 }  // namespace mapjoin::benchmarks

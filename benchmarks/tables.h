@@ -12,23 +12,19 @@
 
 namespace mapjoin::benchmarks {
 
-/// How many times as long as one factorisation a run may take. What the project aims at.
-inline constexpr double kGoalOneThread = 2.5;
-inline constexpr double kGoalTwoThreads = 1.6;
-/// How many times as fast two threads are to be, on data sets with at least so many unknowns.
-inline constexpr double kGoalSpeedUp = 1.6;
-inline constexpr double kGoalSpeedUpFrom = 14000;  // sphere_2500 has 14994
+/// A data set as tables name it.
+std::string label(const Comparison& comparison);
 
-/// Seconds in the plane grow at most as poses to this power.
-inline constexpr double kGoalGrowth = 1.15;
-
-/// All tables, and whether the goals are reached, data set by data set.
+/// All tables of data sets.
 std::string markdown(std::span<const Comparison> comparisons, const ComparisonOptions& options);
 
 /// The same of growth; nothing where nothing grew.
 std::string markdown(std::span<const Growth> growths, const ComparisonOptions& options);
 
-/// All medians and every run.
+/// What the worlds of these sources, WORLD:POSES..., are made with; nothing where there are none.
+std::string worlds_table(std::span<const std::string> sources, std::uint64_t seed);
+
+/// All medians, every run, and the goals.
 std::string json(std::span<const Comparison> comparisons, std::span<const Growth> growths,
                  const ComparisonOptions& options);
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <iterator>
 
+#include "benchmarks/goals.h"
 #include "benchmarks/tables.h"
 
 namespace mapjoin::benchmarks {

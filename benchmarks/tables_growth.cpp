@@ -27,16 +27,6 @@ std::vector<std::string> row(const Growth& g, std::size_t t, std::size_t s) {
           step.reached() ? "yes" : "**MISSED**"};
 }
 
-std::string goal(const Growth& g) {
-  std::string out;
-  for (std::size_t t = 0; g.dimension == 2 && t < g.threads.size(); ++t) {
-    out += fmt::format("* {}, {} {}: seconds grow as poses to the power of {:.3f} <= {:.2f} {}\n",
-                       g.world, g.threads[t], g.threads[t] == 1 ? "thread" : "threads", g.power(t),
-                       kGoalGrowth, g.power(t) <= kGoalGrowth ? "holds" : "does **not** hold");
-  }
-  return out.empty() ? out : out + "\n";
-}
-
 }  // namespace
 
 std::string markdown(std::span<const Growth> growths, const ComparisonOptions& options) {
@@ -54,8 +44,7 @@ std::string markdown(std::span<const Growth> growths, const ComparisonOptions& o
     out += table({g.world + ", poses", "measurements", "threads", "to the optimum, s", "us a pose",
                   "power of poses", "from first to last", "memory, MiB", "relative difference",
                   "within 1e-6"},
-                 rows) +
-           goal(g);
+                 rows);
   }
   return out;
 }

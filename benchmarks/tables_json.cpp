@@ -2,7 +2,9 @@
 
 #include "benchmarks/ceres_run.h"
 #include "benchmarks/cholmod_run.h"
+#include "benchmarks/goals.h"
 #include "benchmarks/join_run.h"
+#include "benchmarks/published.h"
 #include "benchmarks/tables.h"
 
 namespace mapjoin::benchmarks {
@@ -30,6 +32,7 @@ Json figures(const ThreadFigures& t) {
   out["ratio"] = t.ratio();
   out["cpu_ratio"] = t.cpu_ratio();
   out["fastest_cholmod"] = t.once().name;
+  out["once_seconds"] = t.once().seconds();
   out["mapjoin"] = figures(t.join, kJoinPhases);
   out["mapjoin_with_information"] = figures(t.with_information, kJoinPhases);
   for (const Contender& c : t.cholmod) out["cholmod"].push_back(figures(c, kCholmodPhases));
@@ -53,6 +56,14 @@ Json figures(const Growth& g) {
   for (std::size_t t = 0; t < g.threads.size(); ++t)
     out["powers"].push_back({{"threads", g.threads[t]}, {"power", g.power(t)}});
   return out;
+}
+
+Json figures(const Goal& goal) {
+  return {{"data", goal.data},
+          {"what", goal.what},
+          {"value", goal.value},
+          {goal.at_most ? "at_most" : "at_least", goal.limit},
+          {"holds", goal.holds()}};
 }
 
 }  // namespace
@@ -85,10 +96,19 @@ std::string json(std::span<const Comparison> comparisons, std::span<const Growth
       one["ceres_iterations"] = c.ceres_iterations;
       one["ceres_reached"] = c.ceres_reached();
     }
+    if (const auto p = published(c.name, c.local_maps); p && p->cholmod > 0.0) {
+      one["published"]["cholmod"] = p->cholmod;
+      if (p->g2o > 0.0) one["published"]["g2o"] = p->g2o;
+      if (p->gtsam > 0.0) one["published"]["gtsam"] = p->gtsam;
+      if (p->se_sync > 0.0) one["published"]["se_sync"] = p->se_sync;
+    }
     for (const ThreadFigures& t : c.threads) one["with_threads"].push_back(figures(t));
     out["data_sets"].push_back(std::move(one));
   }
   for (const Growth& g : growths) out["growth"].push_back(figures(g));
+  out["goals"] = Json::array();
+  for (const Goal& goal : goals(comparisons)) out["goals"].push_back(figures(goal));
+  for (const Goal& goal : goals(growths)) out["goals"].push_back(figures(goal));
   return out.dump(2) + "\n";
 }
 
