@@ -19,6 +19,7 @@ import time
 from pathlib import Path
 
 from results_parts.association import association
+from results_parts.back_end import back_end
 from results_parts.bench import Bench, Report
 from results_parts.building import local_maps
 from results_parts.by_tests import bad_inputs, frames
@@ -34,7 +35,7 @@ HERE = Path(__file__).resolve().parent.parent
 
 SECTIONS = [optimum, observe, published, lemma, shuffled_ids, recordings, speed, large_worlds,
             bad_inputs, frames, scale, feature_only, uncertainty, filters, association,
-            local_maps, table_1]
+            local_maps, table_1, back_end]
 
 
 def page(report, bench, options, seconds):
