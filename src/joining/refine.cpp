@@ -43,11 +43,14 @@ void take_step(const MeasurementGraph<D>& graph, Piece<D>& piece, const Eigen::V
              [&](int first, int last) { retract(graph.variables, piece, step, first, last); });
 }
 
-/// What is tried, one after the other, until a step is the last.
-enum class Kind { kChord, kCorrection, kWhole };
+/// What is tried, one after the other, until a step is the last. A near chord is one that hardly
+/// promises anything: for where nothing else is known of the rate.
+enum class Kind { kNearChord, kChord, kCorrection, kWhole };
 
 /// How much slower than after whole steps promises fall after those of a kind.
-double lag(Kind kind) { return kind == Kind::kWhole ? 1.0 : kind == Kind::kChord ? 4.0 : 10.0; }
+double lag(Kind kind) {
+  return kind == Kind::kWhole ? 1.0 : kind == Kind::kCorrection ? 10.0 : 4.0;
+}
 
 /// What a step leaves above the minimum; see refine.
 double remainder(double decrease, double promised, double promised_before, Kind kind) {
@@ -71,6 +74,8 @@ class Refinement {
         promised_before_(last_solve.promised),
         then_(std::move(last_solve.values)) {
     next_ = after_whole(last_solve.chi2 - last_solve.promised);
+    // Joins end near the minimum, however far they came.
+    if (next_ == Kind::kWhole && promised_before_ >= 0.0) next_ = Kind::kNearChord;
   }
 
   RefineResult run(int most_solves, const ProgressCallback& progress) {
@@ -98,10 +103,10 @@ class Refinement {
   Step find_step() {
     constexpr double kChordReach = 20.0;  // of the tolerance
     const double enough = tolerance_ * chi2_expected_;
-    if (next_ == Kind::kChord) {
-      const double most = kChordReach * enough;
+    if (next_ == Kind::kNearChord || next_ == Kind::kChord) {
+      const double most = next_ == Kind::kChord ? kChordReach * enough : enough;
       if (const auto step = system_.solve_again(piece_, cholesky_, pool_, most, d_)) return *step;
-      next_ = Kind::kCorrection;
+      next_ = next_ == Kind::kChord ? Kind::kCorrection : Kind::kWhole;
     }
     if (next_ == Kind::kCorrection && !then_.empty()) {
       const double most = std::sqrt(enough * promised_before_ / lag(next_));  // see remainder

@@ -46,7 +46,9 @@ struct RefineResult {
 /// corrections left was that of ten times the rate, or more where they missed more. Neither is
 /// taken where chi2 would increase. After a chord step that kept nine tenths of its promise there
 /// may be another; a correction is only for where the last whole step led, and needs the values of
-/// `last_solve`. Otherwise a whole solve follows.
+/// `last_solve`. Otherwise a whole solve follows. A `last_solve` that promised more than half of
+/// chi2 gets a chord step as well, as joins end near the minimum however far they came; but only
+/// where that promises no more than the tolerance itself, since its m may be anything.
 ///
 /// Never increases chi2: a step that would is halved until it does not. Same symbolic plan for
 /// every solve. \throws SingularError; CancelledError.
