@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
+#include <iterator>
 
 #include "benchmarks/ceres_run.h"
 #include "benchmarks/cholmod_run.h"
@@ -100,38 +102,68 @@ Contender ceres_run(const Problem<D>& problem, int threads, const ComparisonOpti
           }};
 }
 
-/// Everybody's turn in one race: first CHOLMOD with one thread, then for each number of threads
-/// both whole runs, CHOLMOD where that makes a difference, and Ceres.
+/// Joins that share nothing but the machine. Refers to `problem`.
+template <int D>
+Contender side_by_side(const Problem<D>& problem, int threads) {
+  return {fmt::format("{} joins at once", threads), threads, [&problem, threads] {
+            Laps laps;
+            std::vector<std::future<void>> runners;
+            for (int k = 0; k < threads; ++k)
+              runners.push_back(
+                  std::async(std::launch::async, [&problem] { run_join(problem, 1, false); }));
+            for (std::future<void>& runner : runners) runner.get();
+            laps.lap();
+            return std::move(laps).measured();
+          }};
+}
+
+/// All groups in one race, one after the other.
+void race_groups(std::vector<std::vector<Contender>>& groups, const ComparisonOptions& options) {
+  std::vector<Contender> all;
+  for (std::vector<Contender>& group : groups)
+    std::move(group.begin(), group.end(), std::back_inserter(all));
+  race(all, options.repeat, options.slow);
+  auto next = all.begin();
+  for (std::vector<Contender>& group : groups) {
+    for (Contender& c : group) {
+      c = std::move(*next++);
+      c.run = nullptr;  // what it refers to ends before its figures do
+    }
+  }
+}
+
+/// Everybody's turn. Joins that will be compared with each other are neighbours: what disturbs the
+/// machine then disturbs both.
 template <int D>
 std::vector<ThreadFigures> race_all(const Problem<D>& problem, const FinalSystem& system,
                                     const ComparisonOptions& options, Comparison& out) {
   const bool with_ceres = options.ceres && out.why_not_ceres.empty();
-  std::vector<Contender> all = factorizations(system, 1);
-  const std::size_t alone = all.size();
-  std::vector<std::size_t> first;
+  std::vector<std::vector<Contender>> groups = {factorizations(system, 1)};
+  for (const int threads : options.threads) groups.push_back({whole_run(problem, threads, false)});
   for (const int threads : options.threads) {
-    first.push_back(all.size());
-    for (const bool information : {false, true})
-      all.push_back(whole_run(problem, threads, information));
-    if (with_ceres) all.push_back(ceres_run(problem, threads, options, out));
-    if (threads == 1) continue;
-    for (Contender& c : factorizations(system, threads)) all.push_back(std::move(c));
+    groups.emplace_back();
+    if (threads > 1) groups.back().push_back(side_by_side(problem, threads));
   }
-  first.push_back(all.size());
-  race(all, options.repeat, options.slow);
-  for (Contender& c : all) c.run = nullptr;  // what it refers to ends before its figures do
+  for (const int threads : options.threads) {
+    groups.push_back({whole_run(problem, threads, true)});
+    groups.push_back(threads > 1 ? factorizations(system, threads) : std::vector<Contender>());
+    groups.emplace_back();
+    if (with_ceres) groups.back().push_back(ceres_run(problem, threads, options, out));
+  }
+  race_groups(groups, options);
 
   std::vector<ThreadFigures> figures;
-  const auto from = [&](std::size_t k) { return all.begin() + static_cast<std::ptrdiff_t>(k); };
-  for (std::size_t t = 0; t < options.threads.size(); ++t) {
-    std::size_t next = first[t];
+  const std::size_t count = options.threads.size();
+  for (std::size_t t = 0; t < count; ++t) {
+    auto* const rest = &groups[1 + 2 * count + 3 * t];
     ThreadFigures f;
     f.threads = options.threads[t];
-    f.join = all[next++];
-    f.with_information = all[next++];
-    if (with_ceres) f.ceres.push_back(all[next++]);
-    f.cholmod.assign(all.begin(), from(alone));
-    f.cholmod.insert(f.cholmod.end(), from(next), from(first[t + 1]));
+    f.join = groups[1 + t][0];
+    f.side_by_side = groups[1 + count + t];
+    f.with_information = rest[0][0];
+    f.cholmod = groups[0];
+    f.cholmod.insert(f.cholmod.end(), rest[1].begin(), rest[1].end());
+    f.ceres = rest[2];
     figures.push_back(std::move(f));
   }
   return figures;
@@ -143,6 +175,10 @@ const Contender& ThreadFigures::once() const { return fastest(cholmod, &Contende
 
 double ThreadFigures::cpu_ratio() const {
   return join.cpu_seconds() / fastest(cholmod, &Contender::cpu_seconds).cpu_seconds();
+}
+
+double ThreadFigures::machine_speed_up(const ThreadFigures& one) const {
+  return side_by_side.empty() ? 1.0 : threads * times_as_fast(side_by_side[0], one.join);
 }
 
 bool Comparison::reached() const { return within(chi2, optimum); }

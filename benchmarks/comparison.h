@@ -19,8 +19,9 @@ struct ComparisonOptions {
 /// Everybody's figures with one number of threads.
 struct ThreadFigures {
   int threads = 1;
-  Contender join;              ///< to the optimum, values alone
-  Contender with_information;  ///< the same and the information matrix of the result
+  Contender join;                       ///< to the optimum, values alone
+  Contender with_information;           ///< the same and the information matrix of the result
+  std::vector<Contender> side_by_side;  ///< as many joins at once, of one thread each; none of one
   std::vector<Contender>
       cholmod;                   ///< one factorisation; each variant, with one thread and with all
   std::vector<Contender> ceres;  ///< one, or none where it was not run
@@ -31,6 +32,11 @@ struct ThreadFigures {
   double ratio() const { return join.seconds() / once().seconds(); }
   /// The same in processor seconds, which a busy machine disturbs less.
   double cpu_ratio() const;
+  /// Times as fast as with one thread.
+  double speed_up(const ThreadFigures& one) const { return times_as_fast(join, one.join); }
+  /// How many times the work of one thread the processors do when nobody waits for anybody: at most
+  /// the number of threads, less where they share a core, caches, memory or a host with others.
+  double machine_speed_up(const ThreadFigures& one) const;
 };
 
 /// What one data set gave.

@@ -44,8 +44,8 @@ std::vector<Goal> goals(std::span<const Comparison> comparisons) {
           {data, "two threads over one factorisation", two->ratio(), true, kGoalTwoThreads});
     if (one == nullptr || two == nullptr) continue;
     if (c.factor_rows >= kGoalSpeedUpFrom) {
-      out.push_back({data, "one thread over two", one->join.seconds() / two->join.seconds(), false,
-                     kGoalSpeedUp});
+      out.push_back(
+          {data, "two threads, times as fast as one", two->speed_up(*one), false, kGoalSpeedUp});
     }
     if (const auto other = fastest_other(c, *one)) {
       out.push_back({data, "two threads over the fastest of the others",
@@ -65,11 +65,9 @@ std::vector<Goal> goals(std::span<const Growth> growths) {
     for (const GrowthStep& step : g.steps) {
       const std::int64_t unknowns = (g.dimension == 2 ? 3 : 6) * step.poses;
       if (one == all || two == all || static_cast<double>(unknowns) < kGoalSpeedUpFrom) continue;
-      const auto seconds = [&](std::ptrdiff_t t) {
-        return step.join[static_cast<std::size_t>(t)].seconds();
-      };
-      out.push_back({fmt::format("{} {}", g.world, step.poses), "one thread over two",
-                     seconds(one) / seconds(two), false, kGoalSpeedUp});
+      const auto join = [&](std::ptrdiff_t t) { return step.join[static_cast<std::size_t>(t)]; };
+      out.push_back({fmt::format("{} {}", g.world, step.poses), "two threads, times as fast as one",
+                     times_as_fast(join(two), join(one)), false, kGoalSpeedUp});
     }
     for (std::size_t t = 0; g.dimension == 2 && t < g.threads.size(); ++t) {
       out.push_back(

@@ -113,6 +113,13 @@ double Contender::cpu_seconds() const {
   return median_of(runs, [](const Measured& m) { return m.cpu; });
 }
 
+double times_as_fast(const Contender& one, const Contender& other) {
+  std::vector<double> rounds;
+  for (std::size_t k = 0; k < std::min(one.runs.size(), other.runs.size()); ++k)
+    rounds.push_back(other.runs[k].seconds() / one.runs[k].seconds());
+  return median(std::move(rounds));
+}
+
 std::vector<double> Contender::phase_seconds() const {
   std::vector<double> out;
   for (std::size_t p = 0; p < runs.front().phases.size(); ++p) {

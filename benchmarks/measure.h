@@ -62,6 +62,10 @@ struct Contender {
   std::vector<double> phase_seconds() const;
 };
 
+/// How many times as fast one was as the other: the median of what each round says, as a machine
+/// that slows down for a while slows down both.
+double times_as_fast(const Contender& one, const Contender& other);
+
 /// Runs everybody once unmeasured but for memory (caches are then warm and BLAS has its threads),
 /// and then `repeat` times in turn. What took longer than `slow` seconds is not repeated: the first
 /// run counts.

@@ -19,6 +19,7 @@ std::string ratios(std::span<const Comparison> comparisons) {
   Rows rows;
   for (const Comparison& c : comparisons) {
     for (const ThreadFigures& t : c.threads) {
+      const bool beside_one = t.threads > 1 && c.threads[0].threads == 1;
       std::string ceres = c.why_not_ceres.empty() ? "" : "no: " + c.why_not_ceres, ceres_ratio;
       if (!t.ceres.empty()) {
         ceres = seconds(t.ceres[0].seconds());
@@ -27,12 +28,15 @@ std::string ratios(std::span<const Comparison> comparisons) {
       }
       rows.push_back({label(c), fmt::format("{}", t.threads), seconds(t.join.seconds()),
                       seconds(t.once().seconds()), t.once().name, fmt::format("{:.2f}", t.ratio()),
-                      t.threads == 1 ? fmt::format("{:.2f}", t.cpu_ratio()) : "", ceres,
-                      ceres_ratio});
+                      t.threads == 1 ? fmt::format("{:.2f}", t.cpu_ratio()) : "",
+                      beside_one ? fmt::format("{:.2f}", t.speed_up(c.threads[0])) : "",
+                      beside_one ? fmt::format("{:.2f}", t.machine_speed_up(c.threads[0])) : "",
+                      ceres, ceres_ratio});
     }
   }
   return table({"data set", "threads", "to the optimum, s", "CHOLMOD once, s",
-                "its fastest variant", "ratio", "ratio of CPU time", "Ceres, s", "Ceres ratio"},
+                "its fastest variant", "ratio", "ratio of CPU time", "times as fast as one",
+                "two joins at once", "Ceres, s", "Ceres ratio"},
                rows);
 }
 
@@ -145,7 +149,13 @@ std::string markdown(std::span<const Comparison> comparisons, const ComparisonOp
              "solve) of the\nfinal information matrix by CHOLMOD's fastest variant with at most so "
              "many threads, and Ceres\nfrom a spanning tree, stopped as soon as it is there. "
              "Medians of {} runs, taken in turn, after one\nmore; what one frees stays in the "
-             "process for the next, so nobody pays for fresh pages. BLAS is\n`{}`.\n\n",
+             "process for the next, so nobody pays for fresh pages. BLAS is\n`{}`.\n"
+             "*Times as fast as one* is the median of the rounds, in which both are neighbours; "
+             "*two joins "
+             "at once*,\non a thread each and sharing nothing but the machine, are so many times "
+             "as fast "
+             "as one after the\nother: what its processors give at that time to who never "
+             "waits.\n\n",
              options.repeat, blas_in_use()) +
          ratios(comparisons) + "## By phase\n\n" + phases(comparisons) + "## Checks\n\n" +
          checks(comparisons) + others(comparisons) +

@@ -102,7 +102,12 @@ std::string json(std::span<const Comparison> comparisons, std::span<const Growth
       if (p->gtsam > 0.0) one["published"]["gtsam"] = p->gtsam;
       if (p->se_sync > 0.0) one["published"]["se_sync"] = p->se_sync;
     }
-    for (const ThreadFigures& t : c.threads) one["with_threads"].push_back(figures(t));
+    for (const ThreadFigures& t : c.threads) {
+      one["with_threads"].push_back(figures(t));
+      if (t.threads == 1 || c.threads[0].threads != 1) continue;
+      one["with_threads"].back()["times_as_fast"] = t.speed_up(c.threads[0]);
+      one["with_threads"].back()["machine_times_as_fast"] = t.machine_speed_up(c.threads[0]);
+    }
     out["data_sets"].push_back(std::move(one));
   }
   for (const Growth& g : growths) out["growth"].push_back(figures(g));
