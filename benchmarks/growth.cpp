@@ -55,7 +55,7 @@ bool Growth::reached() const {
 }
 
 double Growth::power(std::size_t from, std::size_t to, std::size_t t) const {
-  return std::log(steps[to].join[t].seconds() / steps[from].join[t].seconds()) /
+  return std::log(times_as_fast(steps[from].join[t], steps[to].join[t])) /
          std::log(static_cast<double>(steps[to].poses) / static_cast<double>(steps[from].poses));
 }
 
@@ -84,7 +84,8 @@ Growth measure_growth(const std::string& text, std::uint64_t seed,
         },
         any);
   }
-  race(all, options.repeat, std::numeric_limits<double>::infinity());
+  constexpr double kRound = 1.0;  // seconds: as long as some runs of the large sizes take
+  race(all, options.repeat, std::numeric_limits<double>::infinity(), kRound);
   for (std::size_t k = 0; k < all.size(); ++k) {
     all[k].run = nullptr;  // what it refers to ends before its figures do
     out.steps[k / options.threads.size()].join.push_back(std::move(all[k]));

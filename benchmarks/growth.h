@@ -27,7 +27,8 @@ struct Growth {
   std::vector<int> threads;
   std::vector<GrowthStep> steps;
 
-  /// Seconds grow as poses to this power, from one step to another. `t`: index into threads.
+  /// Seconds grow as poses to this power, from one step to another: the median of what the rounds
+  /// say. `t`: index into threads.
   double power(std::size_t from, std::size_t to, std::size_t t) const;
   double power(std::size_t t) const { return power(0, steps.size() - 1, t); }
   bool reached() const;

@@ -80,6 +80,19 @@ double median_of(const std::vector<Measured>& runs, Of of) {
   return median(std::move(samples));
 }
 
+/// The middle one of as many runs as fit into so many seconds, one at least.
+Measured run_for(const Contender& contender, double seconds) {
+  std::vector<Measured> runs;
+  const Laps watch;
+  do {
+    runs.push_back(contender.run());
+  } while (watch.now() * (1.0 + 1.0 / static_cast<double>(runs.size())) < seconds);
+  const auto middle = runs.begin() + static_cast<std::ptrdiff_t>(runs.size() / 2);
+  std::nth_element(runs.begin(), middle, runs.end(),
+                   [](const Measured& a, const Measured& b) { return a.seconds() < b.seconds(); });
+  return std::move(*middle);
+}
+
 }  // namespace
 
 double median(std::vector<double> samples) {
@@ -152,7 +165,7 @@ Allowance::~Allowance() {
   move_to(processors().all);
 }
 
-void race(std::span<Contender> contenders, int repeat, double slow) {
+void race(std::span<Contender> contenders, int repeat, double slow, double round) {
   for (Contender& c : contenders) {
     const Allowance allowance(c.threads);
     const bool measurable = reset_peak();
@@ -162,11 +175,11 @@ void race(std::span<Contender> contenders, int repeat, double slow) {
     if (measurable && before && peak) c.peak_bytes = std::max<std::int64_t>(0, *peak - *before);
     if (first.seconds() > slow) c.runs.push_back(std::move(first));
   }
-  for (int round = 0; round < repeat; ++round) {
+  for (int k = 0; k < repeat; ++k) {
     for (Contender& c : contenders) {
       if (!c.runs.empty() && c.runs.front().seconds() > slow) continue;
       const Allowance allowance(c.threads);
-      c.runs.push_back(c.run());
+      c.runs.push_back(run_for(c, round));
     }
   }
 }

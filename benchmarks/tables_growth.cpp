@@ -32,9 +32,13 @@ std::vector<std::string> row(const Growth& g, std::size_t t, std::size_t s) {
 std::string markdown(std::span<const Growth> growths, const ComparisonOptions& options) {
   if (growths.empty()) return {};
   std::string out = fmt::format(
-      "## Growth\n\nSeconds to the optimum, medians of {} runs after one more; sizes and numbers "
-      "of threads take turns, in\none process that keeps its memory. Memory: the first run's peak "
-      "beyond what was in use.\n\n",
+      "## Growth\n\nSeconds to the optimum, medians of {} rounds; sizes and numbers of threads "
+      "take "
+      "turns, in one process that\nkeeps its memory, small sizes as often as fits into a second. "
+      "Powers "
+      "are medians of what the rounds say,\nso that a slow minute slows down all sizes. Memory: "
+      "the "
+      "first run's peak beyond what was in use.\n\n",
       options.repeat);
   for (const Growth& g : growths) {
     Rows rows;
