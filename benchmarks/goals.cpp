@@ -65,7 +65,9 @@ std::vector<Goal> goals(std::span<const Growth> growths) {
     for (const GrowthStep& step : g.steps) {
       const std::int64_t unknowns = (g.dimension == 2 ? 3 : 6) * step.poses;
       if (one == all || two == all || static_cast<double>(unknowns) < kGoalSpeedUpFrom) continue;
-      const auto join = [&](std::ptrdiff_t t) { return step.join[static_cast<std::size_t>(t)]; };
+      const auto join = [&](std::ptrdiff_t t) -> const Contender& {
+        return step.join[static_cast<std::size_t>(t)];
+      };
       out.push_back({fmt::format("{} {}", g.world, step.poses), "two threads, times as fast as one",
                      times_as_fast(join(two), join(one)), false, kGoalSpeedUp});
     }

@@ -4,7 +4,6 @@
 #include <memory>
 
 #include "mapjoin/evaluation/evaluate.h"
-#include "mapjoin/graph/whole_piece.h"
 #include "mapjoin/joining/join_all.h"
 #include "mapjoin/joining/refine.h"
 
@@ -16,17 +15,6 @@ namespace {
 template <int D>
 std::shared_ptr<const MeasurementGraph<D>> lend(const MeasurementGraph<D>& graph) {
   return {std::shared_ptr<const void>(), &graph};
-}
-
-template <int D>
-RefineResult refined(const MeasurementGraph<D>& graph, const Values<D>& from, int most_solves,
-                     double tolerance) {
-  Piece<D> piece = whole_piece(graph, from);
-  Places places(graph.variables.size());
-  ObservationSystem<D> system(graph, piece, {}, places);
-  FrontalCholesky cholesky;
-  WorkerPool pool;
-  return refine(graph, piece, system, cholesky, pool, most_solves, tolerance, {});
 }
 
 }  // namespace
@@ -73,13 +61,13 @@ double chi2_of(const JoinResult<D>& result) {
 template <int D>
 Minimum minimum_of(const Problem<D>& problem, const JoinResult<D>& result) {
   if (problem.truth) {
-    const RefineResult next = refined(problem.graph, *problem.truth, 100, 1e-10);
+    const RefineResult next = refine_from(problem.graph, *problem.truth, 100, 1e-10);
     return {next.minimum ? next.chi2 : std::numeric_limits<double>::quiet_NaN(),
             "refinement from the truth"};
   }
   Minimum out{0.0, "tightest refinement"};
   for (const Map<D>& map : result.maps)
-    out.chi2 += refined(*map.observations, map.values, 20, 0.0).chi2;
+    out.chi2 += refine_from(*map.observations, map.values, 20, 0.0).chi2;
   return out;
 }
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "mapjoin/graph/error.h"
+#include "mapjoin/graph/whole_piece.h"
 #include "mapjoin/solvers/pool_loop.h"
 
 namespace mapjoin {
@@ -224,15 +225,27 @@ RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, Observati
       .run(most_solves, progress);
 }
 
-#define MAPJOIN_INSTANTIATE(D)                                                                  \
-  template RefineResult refine<D>(const MeasurementGraph<D>&, Piece<D>&, ObservationSystem<D>&, \
-                                  FrontalCholesky&, WorkerPool&, int, double,                   \
-                                  const ProgressCallback&, LastSolve);                          \
-  template ObservationSystem<D>::Step linear_step<D>(const MeasurementGraph<D>&, Piece<D>&,     \
-                                                     ObservationSystem<D>&, FrontalCholesky&,   \
-                                                     WorkerPool&);                              \
-  template void linear_step_if_determined<D>(const MeasurementGraph<D>&, Piece<D>&,             \
-                                             ObservationSystem<D>&, FrontalCholesky&,           \
+template <int D>
+RefineResult refine_from(const MeasurementGraph<D>& graph, const Values<D>& values, int most_solves,
+                         double tolerance) {
+  Piece<D> piece = whole_piece(graph, values);
+  Places places(graph.variables.size());
+  ObservationSystem<D> system(graph, piece, {}, places);
+  FrontalCholesky cholesky;
+  WorkerPool pool;
+  return refine(graph, piece, system, cholesky, pool, most_solves, tolerance, {});
+}
+
+#define MAPJOIN_INSTANTIATE(D)                                                                     \
+  template RefineResult refine<D>(const MeasurementGraph<D>&, Piece<D>&, ObservationSystem<D>&,    \
+                                  FrontalCholesky&, WorkerPool&, int, double,                      \
+                                  const ProgressCallback&, LastSolve);                             \
+  template RefineResult refine_from<D>(const MeasurementGraph<D>&, const Values<D>&, int, double); \
+  template ObservationSystem<D>::Step linear_step<D>(const MeasurementGraph<D>&, Piece<D>&,        \
+                                                     ObservationSystem<D>&, FrontalCholesky&,      \
+                                                     WorkerPool&);                                 \
+  template void linear_step_if_determined<D>(const MeasurementGraph<D>&, Piece<D>&,                \
+                                             ObservationSystem<D>&, FrontalCholesky&,              \
                                              WorkerPool&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

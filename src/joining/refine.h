@@ -57,6 +57,12 @@ RefineResult refine(const MeasurementGraph<D>& graph, Piece<D>& piece, Observati
                     FrontalCholesky& cholesky, WorkerPool& pool, int most_solves, double tolerance,
                     const ProgressCallback& progress, LastSolve last_solve = {});
 
+/// The same over all observations of a graph, from given values, such as a truth or another
+/// solver's result; by one thread, planned anew.
+template <int D>
+RefineResult refine_from(const MeasurementGraph<D>& graph, const Values<D>& values, int most_solves,
+                         double tolerance);
+
 /// One solve and the step it asks for, without any question. \returns what the linear model said.
 /// \throws SingularError.
 template <int D>

@@ -5,7 +5,6 @@
 #include <cstdio>
 
 #include "mapjoin/evaluation/simulate.h"
-#include "mapjoin/graph/whole_piece.h"
 #include "mapjoin/joining/join_all.h"
 #include "mapjoin/joining/refine.h"
 
@@ -15,12 +14,7 @@ namespace {
 /// chi2 of the minimum next to the truth.
 template <int D>
 double refined_from_truth(const Simulation<D>& world) {
-  Piece<D> piece = whole_piece(world.graph, world.truth);
-  Places places(world.graph.variables.size());
-  ObservationSystem<D> system(world.graph, piece, {}, places);
-  FrontalCholesky cholesky;
-  WorkerPool pool;
-  const RefineResult result = refine(world.graph, piece, system, cholesky, pool, 100, 1e-12, {});
+  const RefineResult result = refine_from(world.graph, world.truth, 100, 1e-12);
   EXPECT_TRUE(result.minimum);
   return result.chi2;
 }

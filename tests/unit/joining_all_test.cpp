@@ -266,12 +266,7 @@ TYPED_TEST(JoinAll, KeepsASharedGraphItself) {
 template <int D>
 RefineResult refined_from(const MeasurementGraph<D>& graph, const Values<D>& values,
                           double tolerance) {
-  Piece<D> piece = whole_piece(graph, values);
-  Places places(graph.variables.size());
-  ObservationSystem<D> system(graph, piece, {}, places);
-  FrontalCholesky cholesky;
-  WorkerPool pool;
-  return refine(graph, piece, system, cholesky, pool, 100, tolerance, {});
+  return refine_from(graph, values, 100, tolerance);
 }
 
 // Twelve times the usual noise and hardly a loop closure. One linear solve a wide join, however
