@@ -30,7 +30,8 @@ the two things that they can be compared with on the same machine:
   Ceres               the same problem from a spanning tree, stopped as soon as it is near enough.
 
 Everything is run in turn, round by round, and medians are printed: a busy machine then disturbs all
-alike. For figures to be kept, run on an idle one. With one thread everything stays on one processor
+alike. Who is quick runs many times in a round: one run of a millisecond says as much about where the
+system happened to put its threads as about the work. For figures to be kept, run on an idle one. With one thread everything stays on one processor
 and BLAS has one thread too.)";
 
 constexpr const char* kExamples = R"(Worlds: manhattan, sphere, grid3d, landmarks2d, landmarks3d
@@ -71,6 +72,11 @@ void add_options(CLI::App& app, Arguments& a) {
       ->capture_default_str();
   app.add_option("--repeat", a.options.repeat, "Rounds to take the median of")
       ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_option("--round", a.options.round,
+                 "Who takes less than so many seconds runs as often as fits into them, and the "
+                 "median of these runs counts for the round")
+      ->check(CLI::Range(0.0, 60.0))
       ->capture_default_str();
   app.add_option("--slow", a.options.slow, "What takes longer than so many seconds is run once")
       ->capture_default_str();

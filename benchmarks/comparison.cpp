@@ -122,7 +122,7 @@ void race_groups(std::vector<std::vector<Contender>>& groups, const ComparisonOp
   std::vector<Contender> all;
   for (std::vector<Contender>& group : groups)
     std::move(group.begin(), group.end(), std::back_inserter(all));
-  race(all, options.repeat, options.slow);
+  race(all, options.repeat, options.slow, options.round);
   auto next = all.begin();
   for (std::vector<Contender>& group : groups) {
     for (Contender& c : group) {

@@ -11,7 +11,8 @@ namespace mapjoin::benchmarks {
 struct ComparisonOptions {
   std::vector<int> threads = {1, 2};
   int repeat = 5;
-  double slow = 5.0;  ///< seconds; what takes longer is run once
+  double round = 0.2;  ///< seconds a round; who takes less runs as often as fits into them
+  double slow = 5.0;   ///< seconds; what takes longer is run once
   bool ceres = true;
   double ceres_limit = 60.0;  ///< seconds after which Ceres is stopped
 };

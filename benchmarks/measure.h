@@ -72,7 +72,7 @@ double times_as_fast(const Contender& one, const Contender& other);
 ///
 /// Who takes less than `round` seconds runs as often as fits into them, and the median of these
 /// runs counts for the round. Single-threaded contenders all run on one and the same processor.
-void race(std::span<Contender> contenders, int repeat, double slow, double round = 0.0);
+void race(std::span<Contender> contenders, int repeat, double slow, double round);
 
 /// The file that the BLAS in use comes from: part of any figure of CHOLMOD's.
 std::string blas_in_use();

@@ -72,6 +72,7 @@ std::string json(std::span<const Comparison> comparisons, std::span<const Growth
                  const ComparisonOptions& options) {
   Json out;
   out["repeat"] = options.repeat;
+  out["round"] = options.round;
   out["blas"] = blas_in_use();
   out["data_sets"] = Json::array();
   for (const Comparison& c : comparisons) {
