@@ -24,6 +24,7 @@ double relative_correction(const RelativeBatch<T::ambient>& batch, double* rhs) 
   then.values = batch.values_then;
   double sum = 0.0;
   for (std::size_t k = 0; k < batch.size; ++k) {
+    fetch<T>(batch, k + kFetchAhead);
     const std::int32_t from = batch.slots[2 * k], to = batch.slots[2 * k + 1];
     const auto &pose_then = value_at<PoseType<D>>(then.poses, from),
                &pose_now = value_at<PoseType<D>>(batch.poses, from);

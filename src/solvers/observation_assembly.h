@@ -28,6 +28,7 @@ double chi2_in_chunks(const VariableKind<D>& kind, const RelativeBatch<D>& batch
     const std::int64_t first = c * kChunk;
     RelativeBatch<D> part = batch;
     part.size = static_cast<std::size_t>(std::min(kChunk, size - first));
+    part.following += batch.size - static_cast<std::size_t>(first) - part.size;
     part.id += first;
     part.slots += 2 * first;
     parts[static_cast<std::size_t>(c)] = kind.chi2_relative(part);

@@ -88,6 +88,7 @@ auto ObservationSystem<D>::solve_subtree(std::int32_t first, std::int32_t root, 
         if (group.front[f] == group.front[f + 1]) continue;
         RelativeBatch<D> part = batch(group, sub, group.front[f], group.front[f + 1]);
         part.slots = scratch.slots[r].data() + 2 * (group.front[f] - group.front[at(first)]);
+        part.following = at(group.front[at(root) + 1] - group.front[f + 1]);
         chi2 += group.measurements->kind->linearize_relative(part, target);
       }
       if (submap_front_[f] != submap_front_[f + 1])
@@ -130,6 +131,7 @@ double ObservationSystem<D>::subtree_chi2(std::int32_t first, std::int32_t root,
     const Relative& group = relative_[r];
     RelativeBatch<D> part = batch(group, sub, group.front[at(first)], group.front[at(root) + 1]);
     part.slots = scratch.slots[r].data();
+    part.following = 0;
     sum += chi2_in_chunks<D>(*group.measurements->kind, part, scratch.parts, loop);
   }
   SubmapScratch submap;

@@ -186,6 +186,7 @@ RelativeBatch<D> ObservationSystem<D>::batch(const Relative& group, const Piece<
   out.values = piece.data[at(group.column)].data();
   out.slots = group.slots.data() + 2 * first;
   out.offsets = group.offsets.data() + 2 * first;
+  out.following = group.id.size() - at(last);
   return out;
 }
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <type_traits>
 #include <vector>
 
@@ -82,6 +83,23 @@ TYPED_TEST(RelativeKernelOf, AgreesWithItselfOnRightHandSideAndChi2) {
     EXPECT_LT((H.row(rows).transpose() - rhs).norm(), 1e-12 * rhs.norm());
     EXPECT_GT(rhs.norm(), 0.0);
   }
+}
+
+TYPED_TEST(RelativeKernelOf, IsTheSameWhateverFollowsABatch) {
+  const Measurements<TypeParam> m(7);
+  const RelativeBatch<TypeParam::ambient> all = m.batch();
+  Eigen::VectorXd whole = Eigen::VectorXd::Zero(m.rows()), parts = whole;
+  RelativeKernel<TypeParam>::gradient(all, whole.data());
+  for (std::size_t first = 0; first < all.size; first += 3) {
+    RelativeBatch<TypeParam::ambient> part = all;
+    part.size = std::min<std::size_t>(3, all.size - first);
+    part.id += first;
+    part.slots += 2 * first;
+    part.offsets += 2 * first;
+    part.following = all.size - first - part.size;
+    RelativeKernel<TypeParam>::gradient(part, parts.data());
+  }
+  EXPECT_EQ(parts, whole);
 }
 
 /// Poses and values of m, moved by steps of about `size`.
