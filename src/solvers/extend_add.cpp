@@ -44,12 +44,7 @@ inline void add_fixed(double* to, const double* from) {
 
 // Runs are often one or two blocks long: no loop set-up for those.
 inline void add_run(double* to, const double* from, int n) {
-  for (; n >= 8; n -= 8, to += 8, from += 8) add_fixed<8>(to, from);
-  if (n & 4) {
-    add_fixed<4>(to, from);
-    to += 4;
-    from += 4;
-  }
+  for (; n >= 4; n -= 4, to += 4, from += 4) add_fixed<4>(to, from);
   if (n & 2) {
     add_fixed<2>(to, from);
     to += 2;

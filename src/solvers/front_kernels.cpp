@@ -5,26 +5,20 @@
 #include <cmath>
 #include <utility>
 
+#include "mapjoin/solvers/lanes.h"
+
 namespace mapjoin {
 namespace {
 
 using ColumnStride = std::int64_t;
 
 // The widest tile whose accumulators, with one column of operands, fit the vector registers: 24 x 8
-// in the 32 registers of AVX-512 (asked for by a feature that implies it), else 12 x 4. The
-// compiler splits vectors wider than the machine's.
-#if defined(__AVX512VL__)
-constexpr int kLanes = 8;
-#else
-constexpr int kLanes = 4;
-#endif
+// in the 32 registers of AVX-512, else 12 x 4.
 constexpr int kTileColumns = kLanes;
 constexpr int kTileVectors = 3;
 constexpr int kTileRows = kTileVectors * kLanes;
 constexpr int kBlockColumns = 64;  // pivots eliminated before the rest of the front is updated
 static_assert(kRowGroup % kLanes == 0 && kBlockColumns % kTileColumns == 0);
-
-using Lanes = double __attribute__((vector_size(kLanes * sizeof(double)), may_alias));
 
 inline Lanes* lanes(double* p) { return reinterpret_cast<Lanes*>(p); }
 inline const Lanes* lanes(const double* p) { return reinterpret_cast<const Lanes*>(p); }

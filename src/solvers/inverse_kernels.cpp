@@ -6,36 +6,28 @@
 #include <utility>
 
 #include "mapjoin/solvers/front_merging.h"
+#include "mapjoin/solvers/lanes.h"
 
 namespace mapjoin {
 namespace {
 
 // As in front_kernels.cpp: accumulators and one column of operands fill the vector registers.
-#if defined(__AVX512VL__)
-constexpr int kWidth = 8;
-#else
-constexpr int kWidth = 4;
-#endif
 constexpr int kVectors = 3;
-constexpr int kStrip = kVectors * kWidth;
+constexpr int kStrip = kVectors * kLanes;
 constexpr int kDepth = 256;  // a strip of A of this depth stays in the cache while B goes by
 constexpr int kPivotBlock = 8;
-static_assert(kRowGroup % kWidth == 0);
-
-// Without alignment: rows start anywhere.
-using Unaligned =
-    double __attribute__((vector_size(kWidth * sizeof(double)), aligned(8), may_alias));
+static_assert(kRowGroup % kLanes == 0);
 
 // C (+)= alpha A B for M vectors of rows and N columns.
 template <int M, int N>
 void product_tile(int depth, double alpha, const double* a, std::int64_t lda, const StridedView& B,
                   double* c, std::int64_t ldc, bool add) {
-  Unaligned sum[M][N] = {};
+  UnalignedLanes sum[M][N] = {};
   const double* b = B.data;
   for (int l = 0; l < depth; ++l, a += lda, b += B.row) {
-    Unaligned row[M];
+    UnalignedLanes row[M];
 #pragma GCC unroll 8
-    for (int m = 0; m < M; ++m) std::memcpy(&row[m], a + m * kWidth, sizeof row[m]);
+    for (int m = 0; m < M; ++m) std::memcpy(&row[m], a + m * kLanes, sizeof row[m]);
 #pragma GCC unroll 8
     for (int n = 0; n < N; ++n) {
       const double factor = b[n * B.column];
@@ -47,8 +39,8 @@ void product_tile(int depth, double alpha, const double* a, std::int64_t lda, co
   for (int n = 0; n < N; ++n) {
 #pragma GCC unroll 8
     for (int m = 0; m < M; ++m) {
-      Unaligned value;
-      double* const to = c + n * ldc + m * kWidth;
+      UnalignedLanes value;
+      double* const to = c + n * ldc + m * kLanes;
       std::memcpy(&value, to, sizeof value);
       value = add ? value + alpha * sum[m][n] : alpha * sum[m][n];
       std::memcpy(to, &value, sizeof value);
@@ -58,12 +50,12 @@ void product_tile(int depth, double alpha, const double* a, std::int64_t lda, co
 
 using ProductTile = void (*)(int, double, const double*, std::int64_t, const StridedView&, double*,
                              std::int64_t, bool);
-// By (vectors of rows - 1) * kWidth + (columns - 1).
+// By (vectors of rows - 1) * kLanes + (columns - 1).
 template <std::size_t... I>
 constexpr std::array<ProductTile, sizeof...(I)> product_tiles(std::index_sequence<I...>) {
-  return {product_tile<I / kWidth + 1, I % kWidth + 1>...};
+  return {product_tile<I / kLanes + 1, I % kLanes + 1>...};
 }
-constexpr auto kProductTiles = product_tiles(std::make_index_sequence<kVectors * kWidth>{});
+constexpr auto kProductTiles = product_tiles(std::make_index_sequence<kVectors * kLanes>{});
 
 // The same for a block of pivots: U = L^-T, row by row from the diagonal.
 void invert_transposed_block(int n, const double* L, std::int64_t ldl, double* U,
@@ -83,15 +75,15 @@ void invert_transposed_block(int n, const double* L, std::int64_t ldl, double* U
 
 void multiply(int rows, int columns, int depth, double alpha, const double* A, std::int64_t lda,
               const StridedView& B, double* C, std::int64_t ldc, bool add) {
-  const int row_end = (rows + kWidth - 1) / kWidth * kWidth;
+  const int row_end = (rows + kLanes - 1) / kLanes * kLanes;
   int begin = 0;
   do {
     const int part = std::min(kDepth, depth - begin);
     for (int r = 0; r < row_end; r += kStrip) {
-      const int height = std::min(kStrip, row_end - r) / kWidth;
-      for (int c = 0; c < columns; c += kWidth) {
-        const int width = std::min(kWidth, columns - c);
-        const auto shape = static_cast<std::size_t>((height - 1) * kWidth + width - 1);
+      const int height = std::min(kStrip, row_end - r) / kLanes;
+      for (int c = 0; c < columns; c += kLanes) {
+        const int width = std::min(kLanes, columns - c);
+        const auto shape = static_cast<std::size_t>((height - 1) * kLanes + width - 1);
         kProductTiles[shape](part, alpha, A + r + begin * lda, lda,
                              {B.data + begin * B.row + c * B.column, B.row, B.column},
                              C + r + c * ldc, ldc, add || begin > 0);

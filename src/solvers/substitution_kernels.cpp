@@ -6,36 +6,47 @@
 #include <utility>
 
 #include "mapjoin/solvers/front_kernels.h"
+#include "mapjoin/solvers/lanes.h"
 
 namespace mapjoin {
 namespace {
 
-using Group = double
-    __attribute__((vector_size(kRowGroup * sizeof(double)), aligned(sizeof(double)), may_alias));
+static_assert(kRowGroup % kLanes == 0);
 
-inline const Group& group(const double* p) { return *reinterpret_cast<const Group*>(p); }
-inline Group& group(double* p) { return *reinterpret_cast<Group*>(p); }
+inline const UnalignedLanes& lanes(const double* p) {
+  return *reinterpret_cast<const UnalignedLanes*>(p);
+}
+inline UnalignedLanes& lanes(double* p) { return *reinterpret_cast<UnalignedLanes*>(p); }
 
-inline double sum_of(const Group& v) {
-  static_assert(kRowGroup == 8);
-  return ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7]));
+inline double sum_of(const UnalignedLanes& v) {
+  double sum = (v[0] + v[2]) + (v[1] + v[3]);
+  if constexpr (kLanes == 8) sum += (v[4] + v[6]) + (v[5] + v[7]);
+  return sum;
 }
 
 // `panel` and `x` from the first row of the block on; row_end likewise.
 template <int Columns>
 void backward_block(const double* panel, std::int64_t stride, int row_end, double* x) {
-  Group part[Columns] = {};
+  // Enough sums to hide how long each addition takes, no more than there are registers for.
+  constexpr int kSums = Columns <= 4 ? kRowGroup / kLanes : 1;
+  UnalignedLanes part[Columns][kSums] = {};
   double inverse[Columns];  // while the sums are formed: a division takes as long
   for (int n = 0; n < Columns; ++n) inverse[n] = 1.0 / panel[n * stride + n];
-  for (int i = kRowGroup; i < row_end; i += kRowGroup) {
+  for (int i = kRowGroup; i < row_end; i += kSums * kLanes) {
+#pragma GCC unroll 2
+    for (int k = 0; k < kSums; ++k) {
+      const UnalignedLanes here = lanes(x + i + k * kLanes);
 #pragma GCC unroll 8
-    for (int n = 0; n < Columns; ++n) part[n] += group(panel + n * stride + i) * group(x + i);
+      for (int n = 0; n < Columns; ++n)
+        part[n][k] += lanes(panel + n * stride + i + k * kLanes) * here;
+    }
   }
   double here[kRowGroup];
   std::copy_n(x, kRowGroup, here);
 #pragma GCC unroll 8
   for (int n = Columns - 1; n >= 0; --n) {
-    double sum = sum_of(part[n]) - here[n];
+    double sum = sum_of(part[n][0]) - here[n];
+    if constexpr (kSums == 2) sum += sum_of(part[n][1]);
 #pragma GCC unroll 8
     for (int i = kRowGroup - 1; i > n; --i) sum += panel[n * stride + i] * here[i];
     here[n] = -sum * inverse[n];
@@ -56,11 +67,11 @@ void forward_block(const double* panel, std::int64_t stride, int row_end, double
     for (int i = n + 1; i < kRowGroup; ++i) here[i] -= panel[n * stride + i] * here[n];
   }
   std::copy_n(here, kRowGroup, b);
-  for (int i = kRowGroup; i < row_end; i += kRowGroup) {
-    Group rest = group(b + i);
+  for (int i = kRowGroup; i < row_end; i += kLanes) {
+    UnalignedLanes rest = lanes(b + i);
 #pragma GCC unroll 8
-    for (int n = 0; n < Columns; ++n) rest -= group(panel + n * stride + i) * here[n];
-    group(b + i) = rest;
+    for (int n = 0; n < Columns; ++n) rest -= lanes(panel + n * stride + i) * here[n];
+    lanes(b + i) = rest;
   }
 }
 
