@@ -80,18 +80,41 @@ double median_of(const std::vector<Measured>& runs, Of of) {
   return median(std::move(samples));
 }
 
-/// The middle one of as many runs as fit into so many seconds, one at least.
-Measured run_for(const Contender& contender, double seconds) {
-  std::vector<Measured> runs;
-  const Laps watch;
-  do {
-    runs.push_back(contender.run());
-  } while (watch.now() * (1.0 + 1.0 / static_cast<double>(runs.size())) < seconds);
-  const auto middle = runs.begin() + static_cast<std::ptrdiff_t>(runs.size() / 2);
-  std::nth_element(runs.begin(), middle, runs.end(),
-                   [](const Measured& a, const Measured& b) { return a.seconds() < b.seconds(); });
-  return std::move(*middle);
-}
+/// One contender's runs in a round of so many seconds.
+class Round {
+ public:
+  explicit Round(double seconds) : seconds_(seconds) {}
+
+  /// Does another run fit, if it takes as long as those before?
+  bool has_room() const {
+    const auto count = static_cast<double>(runs_.size());
+    return runs_.empty() || used_ * (1.0 + 1.0 / count) < seconds_;
+  }
+  /// A turn: a part of the round, one run at least.
+  void run(const Contender& contender) {
+    constexpr double kTurns = 4.0;
+    const Allowance allowance(contender.threads);
+    const Laps watch;
+    const double before = used_;
+    do {
+      runs_.push_back(contender.run());
+      used_ = before + watch.now();
+    } while (has_room() && watch.now() < seconds_ / kTurns);
+  }
+  /// The middle one of the runs.
+  Measured result() && {
+    const auto middle = runs_.begin() + static_cast<std::ptrdiff_t>(runs_.size() / 2);
+    std::nth_element(runs_.begin(), middle, runs_.end(), [](const Measured& a, const Measured& b) {
+      return a.seconds() < b.seconds();
+    });
+    return std::move(*middle);
+  }
+
+ private:
+  double seconds_;
+  double used_ = 0.0;
+  std::vector<Measured> runs_;
+};
 
 }  // namespace
 
@@ -175,12 +198,22 @@ void race(std::span<Contender> contenders, int repeat, double slow, double round
     if (measurable && before && peak) c.peak_bytes = std::max<std::int64_t>(0, *peak - *before);
     if (first.seconds() > slow) c.runs.push_back(std::move(first));
   }
+  std::vector<Contender*> racing;
+  for (Contender& c : contenders) {
+    if (c.runs.empty()) racing.push_back(&c);
+  }
   for (int k = 0; k < repeat; ++k) {
-    for (Contender& c : contenders) {
-      if (!c.runs.empty() && c.runs.front().seconds() > slow) continue;
-      const Allowance allowance(c.threads);
-      c.runs.push_back(run_for(c, round));
+    std::vector<Round> rounds(racing.size(), Round(round));
+    for (bool more = true; more;) {
+      more = false;
+      for (std::size_t c = 0; c < racing.size(); ++c) {
+        if (!rounds[c].has_room()) continue;
+        rounds[c].run(*racing[c]);
+        more = true;
+      }
     }
+    for (std::size_t c = 0; c < racing.size(); ++c)
+      racing[c]->runs.push_back(std::move(rounds[c]).result());
   }
 }
 

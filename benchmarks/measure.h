@@ -70,8 +70,9 @@ double times_as_fast(const Contender& one, const Contender& other);
 /// and then `repeat` times in turn. What took longer than `slow` seconds is not repeated: the first
 /// run counts.
 ///
-/// Who takes less than `round` seconds runs as often as fits into them, and the median of these
-/// runs counts for the round. Single-threaded contenders all run on one and the same processor.
+/// Who takes less than `round` seconds runs as often as fits into them, in four turns of a round,
+/// and the median of these runs counts for the round. Single-threaded contenders all run on one and
+/// the same processor.
 void race(std::span<Contender> contenders, int repeat, double slow, double round);
 
 /// The file that the BLAS in use comes from: part of any figure of CHOLMOD's.
