@@ -43,7 +43,11 @@ set(MAPJOIN_PRECOMPILED_HEADERS
 
 function(mapjoin_target_defaults target)
   target_compile_features(${target} PRIVATE cxx_std_20)
-  set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
+  set_target_properties(
+    ${target}
+    PROPERTIES CXX_EXTENSIONS OFF
+               UNITY_BUILD ${MAPJOIN_UNITY_BUILD}
+               UNITY_BUILD_BATCH_SIZE 6)
 
   # Nothing here reads errno after a square root, and without it the compiler can vectorise one.
   target_compile_options(${target} PRIVATE ${MAPJOIN_WARNINGS} -fno-math-errno ${MAPJOIN_ARCH_FLAGS})

@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kExamples = R"(Examples:
+constexpr const char* kBuildExamples = R"(Examples:
   mapjoin build park.g2o --segment poses:50 --output park_maps
   mapjoin join park_maps --mode summary --output park.g2o
       Local maps of 50 poses each, joined as they are: the measurements are not needed any more.
@@ -35,7 +35,7 @@ what is in the maps and none has more than 1000 numbers.
 
 constexpr int kLargestText = 1000;  // scalars: the text format writes their square
 
-struct Arguments {
+struct BuildCommand {
   std::string raw;
   std::string segment;
   std::string output;
@@ -69,7 +69,7 @@ std::string write_text(const fs::path& folder, const std::vector<Map<D>>& maps) 
 }
 
 template <int D>
-void build(const Arguments& a, const RawLog<D>& log, OutputFolder& folder) {
+void build(const BuildCommand& a, const RawLog<D>& log, OutputFolder& folder) {
   const SegmentRule rule = parse_segment_rule(a.segment);
   const BuildOptions options = build_options(a.build, a.threads);
   const Stopwatch segmenting;
@@ -101,7 +101,7 @@ void build(const Arguments& a, const RawLog<D>& log, OutputFolder& folder) {
   if (!why_not.empty()) fmt::print("note          no localmap_K.txt: {}\n", why_not);
 }
 
-void run_build(const Arguments& a) {
+void run_build(const BuildCommand& a) {
   parse_segment_rule(a.segment);
   build_options(a.build, 1);
   OutputFolder folder(a.output);
@@ -117,8 +117,8 @@ void run_build(const Arguments& a) {
 }  // namespace
 
 void add_build(CLI::App& app) {
-  auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
+  auto arguments = std::make_shared<BuildCommand>();
+  BuildCommand& a = *arguments;
   CLI::App& command = *app.add_subcommand("build", "Build local maps from raw measurements");
   command
       .add_option("raw", a.raw,
@@ -150,7 +150,7 @@ void add_build(CLI::App& app) {
   command.add_option("--session", a.csv.session, "Session of ids without one")
       ->capture_default_str();
   add_log_arguments(command, a.csv);
-  add_examples(command, kExamples);
+  add_examples(command, kBuildExamples);
   command.callback([arguments] { run_build(*arguments); });
 }
 

@@ -30,7 +30,7 @@ namespace mapjoin::cli {
 
 namespace {
 
-constexpr const char* kExamples = R"(Methods:
+constexpr const char* kCompareExamples = R"(Methods:
   linear:paper, linear:summary, linear:observe, linear:optimal
             Linear SLAM, by divide and conquer; 'linear' is the last. See 'mapjoin join --help'
   slsjf     Sparse Local Submap Joining Filter; islsjf: smoothed at the end (I-SLSJF);
@@ -58,7 +58,7 @@ Examples:
       From one recording; every method's map is written to park_maps/METHOD.map.
 )";
 
-struct Arguments {
+struct CompareCommand {
   std::string source;  ///< local maps, or a recording
   std::string segment;
   std::string methods = "all";
@@ -76,7 +76,7 @@ struct Arguments {
   bool recording() const { return !segment.empty(); }
 };
 
-std::optional<AssociationOptions> association_of(const Arguments& a) {
+std::optional<AssociationOptions> association_of(const CompareCommand& a) {
   if (a.associate == "given") return std::nullopt;
   return association_options(a.associate);
 }
@@ -112,7 +112,7 @@ Values<D> known_by_name(const Values<D>& truth, const std::optional<MatchScore>&
 }
 
 template <int D>
-void compare_methods(const Arguments& a, const Subject<D>& subject, OutputFolder* folder) {
+void compare_methods(const CompareCommand& a, const Subject<D>& subject, OutputFolder* folder) {
   const Interruptible interruptible;
   std::optional<Values<D>> reference;
   std::vector<Row<D>> rows;
@@ -158,7 +158,7 @@ void compare_methods(const Arguments& a, const Subject<D>& subject, OutputFolder
 }
 
 template <int D>
-Subject<D> build_subject(const Arguments& a, RawLog<D> log) {
+Subject<D> build_subject(const CompareCommand& a, RawLog<D> log) {
   BuildOptions options = build_options(a.build, 1);
   options.keep = Keep::kEndPose;
   const BuiltMaps<D> built =
@@ -171,7 +171,7 @@ Subject<D> build_subject(const Arguments& a, RawLog<D> log) {
   return out;
 }
 
-void compare_recording(const Arguments& a, OutputFolder* folder) {
+void compare_recording(const CompareCommand& a, OutputFolder* folder) {
   parse_segment_rule(a.segment);
   G2oOptions options;
   options.session = a.csv.session;
@@ -184,7 +184,7 @@ void compare_recording(const Arguments& a, OutputFolder* folder) {
       input.log);
 }
 
-void compare_local_maps(const Arguments& a, OutputFolder* folder) {
+void compare_local_maps(const CompareCommand& a, OutputFolder* folder) {
   if (input_format(a.source) != InputFormat::kLocalMaps)
     throw InputError(
         fmt::format("{} is no folder of local maps (localmap_1.txt, ...); a recording is cut into "
@@ -200,7 +200,7 @@ void compare_local_maps(const Arguments& a, OutputFolder* folder) {
       read_sequence(a.source, options));
 }
 
-void compare(const Arguments& a) {
+void compare(const CompareCommand& a) {
   contestants(a.methods, a.recording());  // are there such methods? Before anything takes long.
   if (!a.json.empty()) OutputFiles::expect(a.json);
   for (const std::string& path : {a.truth, a.reference}) {
@@ -216,8 +216,8 @@ void compare(const Arguments& a) {
 }  // namespace
 
 void add_compare(CLI::App& app) {
-  auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
+  auto arguments = std::make_shared<CompareCommand>();
+  CompareCommand& a = *arguments;
   CLI::App& command =
       *app.add_subcommand("compare", "Join local maps by several methods, side by side");
   command
@@ -274,7 +274,7 @@ void add_compare(CLI::App& app) {
   command.add_option("--session", a.csv.session, "Session of ids that are written without one")
       ->type_name("N");
   add_indefinite_argument(command, a.indefinite);
-  add_examples(command, kExamples);
+  add_examples(command, kCompareExamples);
   command.callback([arguments] { compare(*arguments); });
 }
 

@@ -18,7 +18,7 @@ namespace mapjoin::cli {
 
 namespace {
 
-constexpr const char* kExamples = R"(Examples:
+constexpr const char* kCovarianceExamples = R"(Examples:
   mapjoin covariance park.map --all --output uncertainty.csv
       A line a variable: its position, the semi-axes of the ellipse (ellipsoid) that holds it with
       95% probability, and the lower triangle of its covariance by rows.
@@ -29,7 +29,7 @@ of the variables: for a pose metres and radians in its own body frame, for a poi
 frame of the map.
 )";
 
-struct Arguments {
+struct CovarianceCommand {
   std::string map;
   std::vector<std::string> keys;
   bool all = false;
@@ -131,7 +131,7 @@ void show(const Line<D>& line) {
 }
 
 template <int D>
-void report(const Arguments& a, const Map<D>& map) {
+void report(const CovarianceCommand& a, const Map<D>& map) {
   const std::vector<Key> keys = parse_keys(a.keys, map.variables());
   const Covariance<D> covariance(map);
   std::vector<int> numbers;
@@ -160,7 +160,7 @@ void report(const Arguments& a, const Map<D>& map) {
                blocks.size(), to_string(map.anchor));
 }
 
-void covariance(const Arguments& a) {
+void covariance(const CovarianceCommand& a) {
   if (a.all == !a.keys.empty())
     throw InputError("covariance of what? Give --keys pose:3,point:12 or --all");
   if (a.all && a.output.empty() && a.json.empty())
@@ -174,8 +174,8 @@ void covariance(const Arguments& a) {
 }  // namespace
 
 void add_covariance(CLI::App& app) {
-  auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
+  auto arguments = std::make_shared<CovarianceCommand>();
+  CovarianceCommand& a = *arguments;
   CLI::App& command = *app.add_subcommand("covariance", "Say how uncertain a map's variables are");
   command.add_option("map", a.map, "A native map with information")->type_name("MAP")->required();
   auto* keys = command.add_option("--keys", a.keys, "These variables, and their joint covariance")
@@ -191,7 +191,7 @@ void add_covariance(CLI::App& app) {
   command
       .add_option("--json", a.json, "The same as JSON; with --keys the joint covariance as well")
       ->type_name("FILE");
-  add_examples(command, kExamples);
+  add_examples(command, kCovarianceExamples);
   command.callback([arguments] { covariance(*arguments); });
 }
 

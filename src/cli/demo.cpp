@@ -25,14 +25,14 @@ namespace fs = std::filesystem;
 
 constexpr std::uint64_t kStretch = 25;  // poses of a local map
 
-constexpr const char* kExamples = R"(Example:
+constexpr const char* kDemoExamples = R"(Example:
   mapjoin demo --output demo
       Simulates a drive among point features, cuts it into local maps of 25 poses, joins them, and
       compares the result with the truth. Leaves demo/before_after.svg to look at, and the files to
       try the other commands on.
 )";
 
-struct Arguments {
+struct DemoCommand {
   std::string output;
   std::int64_t poses = 1000;
   std::uint64_t seed = 3;
@@ -107,7 +107,7 @@ JoinResult<2> join_in_mode(const std::vector<Map<2>>& maps, Mode mode) {
   return join_all(std::span<const Map<2>>(maps), MeasurementGraph<2>(), options);
 }
 
-fs::path make_directories(const Arguments& a) {
+fs::path make_directories(const DemoCommand& a) {
   std::error_code error;
   fs::create_directories(fs::path(a.output) / "local_maps", error);
   if (error) {
@@ -129,7 +129,7 @@ void write_all(const fs::path& folder, const Simulation<2>& world, const DemoMap
   files.commit();
 }
 
-void demo(const Arguments& a) {
+void demo(const DemoCommand& a) {
   if (a.poses < 2) throw InputError("--poses: a drive has at least 2");
   const fs::path folder = make_directories(a);
   const Interruptible interruptible;
@@ -173,7 +173,7 @@ void demo(const Arguments& a) {
 }  // namespace
 
 void add_demo(CLI::App& app) {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<DemoCommand>();
   CLI::App& command =
       *app.add_subcommand("demo", "See it work: simulate, cut, join, compare, draw");
   command.add_option("-o,--output", arguments->output, "A folder; created where it does not exist")
@@ -182,7 +182,7 @@ void add_demo(CLI::App& app) {
   command.add_option("--poses", arguments->poses, "Length of the drive, m")->capture_default_str();
   command.add_option("--seed", arguments->seed, "Another seed, another world")
       ->capture_default_str();
-  add_examples(command, kExamples);
+  add_examples(command, kDemoExamples);
   command.callback([arguments] { demo(*arguments); });
 }
 

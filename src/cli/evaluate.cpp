@@ -19,7 +19,7 @@ namespace mapjoin::cli {
 
 namespace {
 
-constexpr const char* kExamples = R"(Examples:
+constexpr const char* kEvaluateExamples = R"(Examples:
   mapjoin evaluate map.g2o --graph graph.g2o
       chi2: the sum of squared residuals, weighted by the measurements' information.
   mapjoin evaluate park.g2o --maps victoria_park_200 --reference park_optimum.g2o
@@ -34,7 +34,7 @@ constexpr const char* kExamples = R"(Examples:
       A graph in two pieces that nothing links.
 )";
 
-struct Arguments {
+struct EvaluateCommand {
   std::vector<std::string> results;
   std::string graph;
   std::string maps;
@@ -54,7 +54,7 @@ struct Measurements {
   std::int64_t count = 0;
 };
 
-Measurements read_measurements(const Arguments& a) {
+Measurements read_measurements(const EvaluateCommand& a) {
   if (!a.graph.empty()) {
     G2oOptions options;
     options.session = a.session;
@@ -79,7 +79,7 @@ Measurements read_measurements(const Arguments& a) {
 
 /// The values of all result files together.
 template <int D>
-Values<D> read_results(const Arguments& a, const std::optional<VariableSet<D>>& known) {
+Values<D> read_results(const EvaluateCommand& a, const std::optional<VariableSet<D>>& known) {
   ValuesBuilder<D> all;
   for (const std::string& path : a.results) {
     const AnyValues any =
@@ -111,7 +111,7 @@ struct Figures {
 };
 
 template <int D>
-void add_deviation(const Arguments& a, const Values<D>& estimate, Figures& figures) {
+void add_deviation(const EvaluateCommand& a, const Values<D>& estimate, Figures& figures) {
   const AnyValues any = read_solution(a.reference, a.session, estimate.variables());
   const Deviation d = deviation(estimate, std::get<Values<D>>(any));
   figures.add("common_poses", d.poses);
@@ -122,7 +122,7 @@ void add_deviation(const Arguments& a, const Values<D>& estimate, Figures& figur
   if (d.features > 0) figures.add("aligned_feature_rmse", d.aligned_feature_rmse);
 }
 
-void add_consistency(const Arguments& a, Figures& figures) {
+void add_consistency(const EvaluateCommand& a, Figures& figures) {
   std::visit(
       [&]<int D>(const Map<D>& map) {
         const Consistency c = consistency(map, read_truth(a.truth, map), a.confidence);
@@ -135,7 +135,7 @@ void add_consistency(const Arguments& a, Figures& figures) {
       read_any_map(a.results[0]));
 }
 
-void finish(const Arguments& a, const Figures& figures) {
+void finish(const EvaluateCommand& a, const Figures& figures) {
   if (!a.json.empty()) {
     OutputFiles files;
     files.write_text(a.json, figures.json.dump(2) + "\n");
@@ -144,7 +144,7 @@ void finish(const Arguments& a, const Figures& figures) {
   fmt::print("{}\n", figures.line);
 }
 
-void evaluate(const Arguments& a) {
+void evaluate(const EvaluateCommand& a) {
   if (a.graph.empty() && a.maps.empty() && a.reference.empty() && a.truth.empty()) {
     throw InputError("evaluate against what? Give --graph, --maps, --reference or --truth");
   }
@@ -177,8 +177,8 @@ void evaluate(const Arguments& a) {
 }  // namespace
 
 void add_evaluate(CLI::App& app) {
-  auto arguments = std::make_shared<Arguments>();
-  Arguments& a = *arguments;
+  auto arguments = std::make_shared<EvaluateCommand>();
+  EvaluateCommand& a = *arguments;
   CLI::App& command =
       *app.add_subcommand("evaluate", "Judge a result by measurements or a reference");
   command
@@ -209,7 +209,7 @@ void add_evaluate(CLI::App& app) {
                    "Pass over g2o records that are not understood");
   command.add_flag("--quaternion-information", a.quaternion_information,
                    "3D information is of the quaternion's vector part");
-  add_examples(command, kExamples);
+  add_examples(command, kEvaluateExamples);
   command.callback([arguments] { evaluate(*arguments); });
 }
 

@@ -17,7 +17,7 @@ namespace mapjoin::cli {
 
 namespace {
 
-constexpr const char* kExamples = R"(Examples:
+constexpr const char* kInfoExamples = R"(Examples:
   mapjoin info graph.g2o
   mapjoin info city.map
   mapjoin info victoria_park_200
@@ -170,7 +170,7 @@ void add_info(CLI::App& app) {
   command.add_option("file", *path, "g2o file, native map, or folder of local maps")
       ->type_name("FILE")
       ->required();
-  add_examples(command, kExamples);
+  add_examples(command, kInfoExamples);
   command.callback([path] { info(*path); });
 }
 

@@ -19,7 +19,7 @@ namespace mapjoin::cli {
 
 namespace {
 
-constexpr const char* kExamples = R"(Methods, of a folder of local maps in their order:
+constexpr const char* kJoinExamples = R"(Methods, of a folder of local maps in their order:
   linear    Linear SLAM; --mode, --tree and --strategy say how
   slsjf     Sparse Local Submap Joining Filter: local maps fused one after another, linearised once
   islsjf    The same, smoothed over all local maps at the end: the optimum
@@ -238,7 +238,7 @@ void add_join(CLI::App& app) {
   command.add_flag("--judge", arguments->judge,
                    "With --associate: print precision and recall by the numbers in the files");
   add_join_arguments(command, arguments->join);
-  add_examples(command, std::string(kModes) + "\n" + kExamples);
+  add_examples(command, std::string(kModes) + "\n" + kJoinExamples);
   command.callback([arguments, &command] {
     expect_linear_only(command, *arguments);
     join(*arguments);

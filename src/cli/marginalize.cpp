@@ -14,7 +14,7 @@ namespace mapjoin::cli {
 
 namespace {
 
-constexpr const char* kExamples = R"(Examples:
+constexpr const char* kMarginalizeExamples = R"(Examples:
   mapjoin marginalize park.map --keep poses --output trajectory.map
       A pose-only map: what the features said of the poses stays, the features go.
   mapjoin marginalize park.map --keep last-pose --output filter.map
@@ -23,7 +23,7 @@ constexpr const char* kExamples = R"(Examples:
       Any other variables.
 )";
 
-struct Arguments {
+struct MarginalizeCommand {
   std::string map;
   std::vector<std::string> keep;
   std::string anchor;
@@ -31,7 +31,7 @@ struct Arguments {
 };
 
 template <int D>
-std::vector<int> kept(const Arguments& a, const VariableSet<D>& variables) {
+std::vector<int> kept(const MarginalizeCommand& a, const VariableSet<D>& variables) {
   if (a.keep.size() == 1) {
     if (a.keep[0] == "poses") return poses_of(variables);
     if (a.keep[0] == "features") return features_of(variables);
@@ -44,7 +44,7 @@ std::vector<int> kept(const Arguments& a, const VariableSet<D>& variables) {
   return out;
 }
 
-void marginalize_map(const Arguments& a) {
+void marginalize_map(const MarginalizeCommand& a) {
   output_format(a.output);
   OutputFiles::expect(a.output);
   std::visit(
@@ -67,7 +67,7 @@ void marginalize_map(const Arguments& a) {
 }  // namespace
 
 void add_marginalize(CLI::App& app) {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<MarginalizeCommand>();
   CLI::App& command = *app.add_subcommand(
       "marginalize", "Eliminate poses or features from a map, and keep what they said");
   command.add_option("map", arguments->map, "A native map with information")
@@ -88,7 +88,7 @@ void add_marginalize(CLI::App& app) {
       .add_option("-o,--output", arguments->output, "OUT.map, or OUT.g2o, OUT.tum for the values")
       ->type_name("FILE")
       ->required();
-  add_examples(command, kExamples);
+  add_examples(command, kMarginalizeExamples);
   command.callback([arguments] { marginalize_map(*arguments); });
 }
 

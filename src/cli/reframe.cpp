@@ -12,7 +12,7 @@ namespace mapjoin::cli {
 
 namespace {
 
-constexpr const char* kExamples = R"(Example:
+constexpr const char* kReframeExamples = R"(Example:
   mapjoin reframe city.map --anchor pose:4711 --output city_4711.map
       The same map seen from another pose, in closed form: the estimate and its information, exact
       and without a solve. The frame of a map is a free choice.
@@ -21,13 +21,13 @@ constexpr const char* kExamples = R"(Example:
       alone has no other frame. In space it takes three, as in points:84,85,86.
 )";
 
-struct Arguments {
+struct ReframeCommand {
   std::string map;
   std::string anchor;
   std::string output;
 };
 
-void reframe(const Arguments& a) {
+void reframe(const ReframeCommand& a) {
   output_format(a.output);
   OutputFiles::expect(a.output);
   std::visit(
@@ -49,7 +49,7 @@ void reframe(const Arguments& a) {
 }  // namespace
 
 void add_reframe(CLI::App& app) {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<ReframeCommand>();
   CLI::App& command =
       *app.add_subcommand("reframe", "Write a map in the frame of another pose, or of features");
   command.add_option("map", arguments->map, "A native map")->type_name("MAP")->required();
@@ -61,7 +61,7 @@ void add_reframe(CLI::App& app) {
       .add_option("-o,--output", arguments->output, "OUT.map, or OUT.g2o, OUT.tum for the values")
       ->type_name("FILE")
       ->required();
-  add_examples(command, kExamples);
+  add_examples(command, kReframeExamples);
   command.callback([arguments] { reframe(*arguments); });
 }
 

@@ -16,7 +16,7 @@ namespace mapjoin::cli {
 
 namespace {
 
-constexpr const char* kExamples = R"(Worlds:
+constexpr const char* kSimulateExamples = R"(Worlds:
   manhattan     2D: a drive through streets on a grid, loop closures at revisits
   sphere        3D: rings on a sphere, each pose linked to the ring below
   grid3d        3D: a flight through a lattice of corridors, loop closures at revisits
@@ -40,7 +40,7 @@ power of ten above the poses.
 
 constexpr const char* kBeacons = "beacons";  // the one world of raw measurements
 
-struct Arguments {
+struct SimulateCommand {
   std::string world;
   std::string output;
   std::string truth;
@@ -52,7 +52,7 @@ struct Arguments {
 };
 
 template <int D>
-void simulate_and_write(const Arguments& a, const SimulationOptions& options) {
+void simulate_and_write(const SimulateCommand& a, const SimulationOptions& options) {
   const Stopwatch making;
   const Simulation<D> world = simulate<D>(options);
   const double made = making.seconds();
@@ -81,7 +81,7 @@ void simulate_and_write(const Arguments& a, const SimulationOptions& options) {
              writing.seconds());
 }
 
-void simulate_beacons(const Arguments& a) {
+void simulate_beacons(const SimulateCommand& a) {
   if (!a.truth.empty()) {
     throw InputError("the world of beacons has its truth in the output folder: leave --truth out");
   }
@@ -101,7 +101,7 @@ void simulate_beacons(const Arguments& a) {
              world.truth.size() - options.poses, world.log.size());
 }
 
-void run_simulate(const Arguments& a) {
+void run_simulate(const SimulateCommand& a) {
   if (a.world == kBeacons) return simulate_beacons(a);
   for (const std::string& path : {a.output, a.truth}) {
     if (path.empty()) continue;
@@ -121,7 +121,7 @@ void run_simulate(const Arguments& a) {
   }
 }
 
-void add_world_options(CLI::App& command, Arguments& a) {
+void add_world_options(CLI::App& command, SimulateCommand& a) {
   SimulationOptions& o = a.options;
   const auto option = [&](const std::string& name, auto& target, const std::string& help) {
     command.add_option(name, target, help)->capture_default_str();
@@ -151,7 +151,7 @@ void add_world_options(CLI::App& command, Arguments& a) {
 }  // namespace
 
 void add_simulate(CLI::App& app) {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<SimulateCommand>();
   CLI::App& command = *app.add_subcommand("simulate", "Make a world whose truth is known");
   command
       .add_option("world", arguments->world,
@@ -164,7 +164,7 @@ void add_simulate(CLI::App& app) {
   command.add_option("--truth", arguments->truth, "Where everything really is")
       ->type_name("TRUTH.g2o");
   add_world_options(command, *arguments);
-  add_examples(command, kExamples);
+  add_examples(command, kSimulateExamples);
   command.callback([arguments, &command] {
     arguments->sensor_range_given = command.get_option("--sensor-range")->count() > 0;
     run_simulate(*arguments);

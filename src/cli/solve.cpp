@@ -15,7 +15,7 @@ namespace mapjoin::cli {
 
 namespace {
 
-constexpr const char* kExamples = R"(Examples:
+constexpr const char* kSolveExamples = R"(Examples:
   mapjoin solve intel.g2o --output intel_map.g2o
       The least squares optimum of a pose graph or a landmark graph. Vertices in the file are not
       used as an initial guess: none is needed. The result is in the frame of the lowest pose, or
@@ -29,7 +29,7 @@ constexpr const char* kExamples = R"(Examples:
       joined. In optimal mode the result is the same for any number of them.
 )";
 
-struct Arguments {
+struct SolveCommand {
   std::string graph;
   JoinArguments join;
   int local_maps = 0;  ///< 0: none are built
@@ -38,7 +38,7 @@ struct Arguments {
 
 /// By local maps: what they are and how long they took goes into the notes.
 template <int D>
-JoinResult<D> solve_by_maps(const Arguments& a, const MeasurementGraph<D>& graph,
+JoinResult<D> solve_by_maps(const SolveCommand& a, const MeasurementGraph<D>& graph,
                             const JoinOptions& options) {
   const RawLog<D> log = raw_log(graph);
   const SegmentRule rule{SegmentRule::By::kMaps, static_cast<double>(a.local_maps)};
@@ -50,8 +50,8 @@ JoinResult<D> solve_by_maps(const Arguments& a, const MeasurementGraph<D>& graph
   return std::move(solved.result);
 }
 
-void solve(const Arguments& given) {
-  Arguments a = given;
+void solve(const SolveCommand& given) {
+  SolveCommand a = given;
   expect_outputs(a.join);
   if (a.join.memory_limit == 0) keep_freed_memory();
   // Local maps in order of time are joined as the paper has it, neighbours first.
@@ -82,7 +82,7 @@ void solve(const Arguments& given) {
 }  // namespace
 
 void add_solve(CLI::App& app) {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<SolveCommand>();
   CLI::App& command = *app.add_subcommand("solve", "Solve a measurement graph (g2o)");
   command.add_option("graph", arguments->graph, "The measurements")
       ->type_name("GRAPH.g2o")
@@ -95,7 +95,7 @@ void add_solve(CLI::App& app) {
       ->check(CLI::Range(1, 1000000000));
   add_build_arguments(command, arguments->build, "--local-anchor");
   add_join_arguments(command, arguments->join);
-  add_examples(command, std::string(kModes) + "\n" + kExamples);
+  add_examples(command, std::string(kModes) + "\n" + kSolveExamples);
   command.callback([arguments] { solve(*arguments); });
 }
 

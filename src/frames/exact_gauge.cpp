@@ -9,12 +9,6 @@
 
 namespace mapjoin {
 
-namespace {
-
-constexpr double kRounding = 1e-12;
-
-}  // namespace
-
 template <int D>
 void require_information(const Map<D>& map) {
   if (map.information.size() == map.variables().size()) return;
@@ -26,6 +20,7 @@ void require_information(const Map<D>& map) {
 
 template <int D>
 bool is_gauge_free(const Map<D>& map) {
+  constexpr double kRounding = 1e-12;
   const Eigen::MatrixXd g = map.values.gauge();
   SymmetricBlockMatrix magnitude = map.information;
   for (double& v : magnitude.values()) v = std::abs(v);

@@ -29,18 +29,20 @@ JoinResult<D> join_features(const FeatureOnlyMaps<D>& features, Mode mode,
 
 /// A row of Table 5: RMSE of features to the optimum over the same maps (I-DMJ), as printed; and
 /// the frame of Fig. 13.
-struct Row {
+struct FrameRow {
   std::string maps;
   std::string frame;
   double rmse;
 
-  friend std::ostream& operator<<(std::ostream& out, const Row& row) { return out << row.maps; }
+  friend std::ostream& operator<<(std::ostream& out, const FrameRow& row) {
+    return out << row.maps;
+  }
 };
 
-class Table5 : public testing::TestWithParam<Row> {};
+class Table5 : public testing::TestWithParam<FrameRow> {};
 
 TEST_P(Table5, IsReachedByDivideAndConquerAndTheOptimumByBothStrategies) {
-  const Row& row = GetParam();
+  const FrameRow& row = GetParam();
   const DataSet set{"local_maps", row.maps};
   const auto problem = load(set);
   if (!problem) GTEST_SKIP() << missing(set);
@@ -68,8 +70,8 @@ TEST_P(Table5, IsReachedByDivideAndConquerAndTheOptimumByBothStrategies) {
 }
 
 INSTANTIATE_TEST_SUITE_P(, Table5,
-                         testing::Values(Row{"victoria_park_200", "points:84,85", 0.193141},
-                                         Row{"dlr_200", "points:367,369", 0.393460}));
+                         testing::Values(FrameRow{"victoria_park_200", "points:84,85", 0.193141},
+                                         FrameRow{"dlr_200", "points:367,369", 0.393460}));
 
 TEST(FeaturesOnly, Simulation870EndsNearTheOptimumOfTheMapsWithPoses) {
   const DataSet set{"local_maps", "simu3d_870"};
@@ -88,17 +90,19 @@ TEST(FeaturesOnly, Simulation870EndsNearTheOptimumOfTheMapsWithPoses) {
   }
 }
 
-struct World {
+struct SimulatedWorld {
   std::string maps, world;
   int dimension;  ///< of Table 3, less the 3 of the frame
 
-  friend std::ostream& operator<<(std::ostream& out, const World& w) { return out << w.maps; }
+  friend std::ostream& operator<<(std::ostream& out, const SimulatedWorld& w) {
+    return out << w.maps;
+  }
 };
 
-class NeesOfFeatures : public testing::TestWithParam<World> {};
+class NeesOfFeatures : public testing::TestWithParam<SimulatedWorld> {};
 
 TEST_P(NeesOfFeatures, IsConsistentInEveryMode) {
-  const World& world = GetParam();
+  const SimulatedWorld& world = GetParam();
   const DataSet set{"local_maps", world.maps};
   const auto problem = load(set);
   const auto truth = true_beacons(world.world);
@@ -114,8 +118,8 @@ TEST_P(NeesOfFeatures, IsConsistentInEveryMode) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Table3, NeesOfFeatures,
-                         testing::Values(World{"simu_8240_50", "simu_8240", 1224 - 3},
-                                         World{"simu_35188_700", "simu_35188", 8404 - 3}));
+                         testing::Values(SimulatedWorld{"simu_8240_50", "simu_8240", 1224 - 3},
+                                         SimulatedWorld{"simu_35188_700", "simu_35188", 8404 - 3}));
 
 /// Local maps of a world: what is measured from `steps` poses on end, in the frame of the first.
 template <int D>

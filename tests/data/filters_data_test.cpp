@@ -18,17 +18,19 @@ namespace mapjoin::test {
 namespace {
 
 /// A row of Table 2: chi2 of SLSJF as printed, and of the optimum (I-SLSJF).
-struct Row {
+struct FilterRow {
   std::string maps;
   double slsjf, optimum;
 
-  friend std::ostream& operator<<(std::ostream& out, const Row& row) { return out << row.maps; }
+  friend std::ostream& operator<<(std::ostream& out, const FilterRow& row) {
+    return out << row.maps;
+  }
 };
 
-class Table2 : public testing::TestWithParam<Row> {};
+class Table2 : public testing::TestWithParam<FilterRow> {};
 
 TEST_P(Table2, OfSlsjfIsReachedToTheDigit) {
-  const Row& row = GetParam();
+  const FilterRow& row = GetParam();
   const DataSet set{"local_maps", row.maps};
   const auto problem = load(set);
   if (!problem) GTEST_SKIP() << missing(set);
@@ -45,10 +47,10 @@ TEST_P(Table2, OfSlsjfIsReachedToTheDigit) {
 }
 
 INSTANTIATE_TEST_SUITE_P(, Table2,
-                         testing::Values(Row{"victoria_park_200", 3644, 3643.4349},
-                                         Row{"dlr_200", 14603, 11163.6435},
-                                         Row{"victoria_park_6898", 9013, 9012.7196},
-                                         Row{"dlr_3298", 28316, 27688.5556}));
+                         testing::Values(FilterRow{"victoria_park_200", 3644, 3643.4349},
+                                         FilterRow{"dlr_200", 14603, 11163.6435},
+                                         FilterRow{"victoria_park_6898", 9013, 9012.7196},
+                                         FilterRow{"dlr_3298", 28316, 27688.5556}));
 
 /// A row of Table 5: RMSE of D-SLAM map joining's features to the optimum, I-DMJ, as printed.
 struct FeatureRow {

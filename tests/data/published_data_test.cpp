@@ -11,17 +11,19 @@ namespace mapjoin::test {
 namespace {
 
 /// A row of the paper's Tables 2 and 4, chi2 as measured again with the authors' program.
-struct Row {
+struct PublishedRow {
   DataSet set;
   double chi2;
   bool planar;          ///< reproduced; in space the authors use Euler angles
   double pose_rmse;     ///< 0: not printed
   double feature_rmse;  ///< likewise
 
-  friend std::ostream& operator<<(std::ostream& out, const Row& row) { return out << row.set; }
+  friend std::ostream& operator<<(std::ostream& out, const PublishedRow& row) {
+    return out << row.set;
+  }
 };
 
-const std::vector<Row> kRows = {
+const std::vector<PublishedRow> kRows = {
     {{"pose_graphs", "intel_943"}, 546.51, true, .0066, 0},
     {{"pose_graphs", "manhattan_3500"}, 214.12, true, 1.115, 0},
     {{"pose_graphs", "city_10000"}, 601.38, true, .192, 0},
@@ -33,12 +35,14 @@ const std::vector<Row> kRows = {
     {{"local_maps", "dlr_3298"}, 28373.7, true, .0976, .1042},
 };
 
-const std::vector<Row> kSimulated = {
+const std::vector<PublishedRow> kSimulated = {
     {{"local_maps", "simu_8240_50"}, 528.65, true, 0, 0},
     {{"local_maps", "simu_35188_700"}, 10446.9, true, 0, 0},
 };
 
-std::string name_of(const testing::TestParamInfo<Row>& info) { return info.param.set.label(); }
+std::string name_of(const testing::TestParamInfo<PublishedRow>& info) {
+  return info.param.set.label();
+}
 
 /// What a mode makes of a row.
 struct Outcome {
@@ -69,10 +73,10 @@ std::optional<Outcome> outcome(const DataSet& set, Mode mode) {
 /// Half a unit of a number's fourth digit.
 double four_digits(double x) { return 0.5 * std::pow(10.0, std::floor(std::log10(x)) - 3); }
 
-class Published : public testing::TestWithParam<Row> {};
+class Published : public testing::TestWithParam<PublishedRow> {};
 
 TEST_P(Published, IsReproducedInPaperMode) {
-  const Row& row = GetParam();
+  const PublishedRow& row = GetParam();
   const auto ours = outcome(row.set, Mode::kPaper);
   if (!ours) GTEST_SKIP() << missing(row.set);
   EXPECT_EQ(ours->report.solves_per_join, 1);
@@ -94,10 +98,10 @@ TEST_P(Published, IsReproducedInPaperMode) {
 INSTANTIATE_TEST_SUITE_P(Real, Published, testing::ValuesIn(kRows), name_of);
 INSTANTIATE_TEST_SUITE_P(Simulated, Published, testing::ValuesIn(kSimulated), name_of);
 
-class Observe : public testing::TestWithParam<Row> {};
+class Observe : public testing::TestWithParam<PublishedRow> {};
 
 TEST_P(Observe, IsNoWorseThanPublished) {
-  const Row& row = GetParam();
+  const PublishedRow& row = GetParam();
   const auto ours = outcome(row.set, Mode::kObserve);
   if (!ours) GTEST_SKIP() << missing(row.set);
   EXPECT_EQ(ours->report.solves_per_join, 1);
@@ -115,7 +119,7 @@ INSTANTIATE_TEST_SUITE_P(, Observe, testing::ValuesIn(kRows), name_of);
 
 TEST(Summary, IsNoWorseThanPublishedOnAtLeastSevenOfNineSets) {
   int reached = 0;
-  for (const Row& row : kRows) {
+  for (const PublishedRow& row : kRows) {
     const auto ours = outcome(row.set, Mode::kSummary);
     if (!ours) GTEST_SKIP() << missing(row.set);
     const bool near = row.set.name == "intel_943" || row.set.name == "victoria_park_200";
@@ -125,9 +129,9 @@ TEST(Summary, IsNoWorseThanPublishedOnAtLeastSevenOfNineSets) {
 }
 
 TEST(Summary, IsNoWorseThanPublishedOnSimulatedSets) {
-  std::vector<Row> rows = kSimulated;
+  std::vector<PublishedRow> rows = kSimulated;
   rows.push_back({{"local_maps", "simu3d_870"}, 310.853, false, 0, 0});
-  for (const Row& row : rows) {
+  for (const PublishedRow& row : rows) {
     const auto ours = outcome(row.set, Mode::kSummary);
     if (!ours) GTEST_SKIP() << missing(row.set);
     EXPECT_LE(ours->chi2, row.chi2) << row.set;

@@ -2,6 +2,7 @@
 // tables.
 #include "mapjoin/evaluation/consistency.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "mapjoin/evaluation/chi_squared.h"
@@ -68,11 +69,11 @@ TEST(ChiSquared, RefusesWhatIsNoProbability) {
 }
 
 template <class Dimension>
-class ConsistencyOf : public testing::Test {
+class ConsistencyOf : public ::testing::Test {
  public:
   static constexpr int kDimension = Dimension::value;
 };
-using Dimensions = testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 3>>;
+using Dimensions = ::testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 3>>;
 TYPED_TEST_SUITE(ConsistencyOf, Dimensions);
 
 TYPED_TEST(ConsistencyOf, NeesIsTheErrorWeighedByTheInverseCovariance) {
@@ -218,9 +219,9 @@ TEST(Consistency, SaysWhatTheTruthLacks) {
   EXPECT_THAT(complaint_of<InputError>([&] {
                 consistency(map, part_of(map.values, {}, {0, 1}));
               }),
-              testing::HasSubstr("pose:0"));
+              ::testing::HasSubstr("pose:0"));
   EXPECT_THAT(complaint_of<InputError>([&] { consistency(map, part_of(map.values, {0}, {})); }),
-              testing::HasSubstr("nothing"));
+              ::testing::HasSubstr("nothing"));
 }
 
 TEST(ConfidenceRegion, HoldsAsManySamplesAsItSays) {

@@ -19,7 +19,7 @@ using Dimensions = ::testing::Types<std::integral_constant<int, 2>, std::integra
 TYPED_TEST_SUITE(EkfFilter, Dimensions);
 
 template <int D>
-EkfJoin<D> fused(const std::vector<LocalMap<D>>& maps) {
+EkfJoin<D> ekf_joined(const std::vector<LocalMap<D>>& maps) {
   EkfJoin<D> filter;
   for (const LocalMap<D>& map : maps) filter.fuse(map);
   return filter;
@@ -35,7 +35,7 @@ std::vector<Key> without_anchor(const EkfJoin<D>& filter) {
 TYPED_TEST(EkfFilter, OfOneLocalMapIsThatMap) {
   constexpr int D = TypeParam::value;
   const auto chain = random_chain<D>(1);
-  const EkfJoin<D> filter = fused<D>({chain.maps[0]});
+  const EkfJoin<D> filter = ekf_joined<D>({chain.maps[0]});
   const Map<D> local = to_map(chain.maps[0]);
   EXPECT_LT(distance(filter.values(), local.values), 1e-12);
   const std::vector<Key> keys = keys_of(local.values);
@@ -45,7 +45,7 @@ TYPED_TEST(EkfFilter, OfOneLocalMapIsThatMap) {
 TYPED_TEST(EkfFilter, KeepsTheLastPoseAndTheFeatures) {
   constexpr int D = TypeParam::value;
   const auto chain = random_chain<D>(2);
-  const EkfJoin<D> filter = fused<D>(chain.maps);
+  const EkfJoin<D> filter = ekf_joined<D>(chain.maps);
   for (const Key& key : without_anchor(filter))
     EXPECT_TRUE(key.type == Tag("point") || key == pose_key(12)) << to_string(key);
   EXPECT_EQ(filter.scalars() + kGauge<D>, filter.values().variables().scalars());
@@ -56,7 +56,7 @@ TYPED_TEST(EkfFilter, KeepsTheLastPoseAndTheFeatures) {
 TYPED_TEST(EkfFilter, IsAsCertainAsSlsjfOnExactLocalMaps) {
   constexpr int D = TypeParam::value;
   const auto chain = random_chain<D>(3, {.noise = 0.0});
-  const EkfJoin<D> filter = fused<D>(chain.maps);
+  const EkfJoin<D> filter = ekf_joined<D>(chain.maps);
   EXPECT_LT(common_distance(filter.values(), chain.truth), 1e-7);
   Slsjf<D> information;
   for (const LocalMap<D>& map : chain.maps) information.fuse(map);
@@ -84,7 +84,7 @@ TYPED_TEST(EkfFilter, IsTheCovarianceFormOfSlsjf) {
 TYPED_TEST(EkfFilter, GivesAMapOfTheSameCovariance) {
   constexpr int D = TypeParam::value;
   const auto chain = random_chain<D>(5, {.noise = 0.02});
-  const EkfJoin<D> filter = fused<D>(chain.maps);
+  const EkfJoin<D> filter = ekf_joined<D>(chain.maps);
   const std::vector<Key> keys = keys_of(filter.values());
   EXPECT_LT(relative_distance(Covariance<D>(filter.map()).of(keys), filter.covariance(keys)), 1e-6);
   EXPECT_EQ(filter.map().anchor, pose_anchor<D>(pose_key(0)));
@@ -93,7 +93,7 @@ TYPED_TEST(EkfFilter, GivesAMapOfTheSameCovariance) {
 TYPED_TEST(EkfFilter, RefusesAMapThatBeginsElsewhere) {
   constexpr int D = TypeParam::value;
   const auto chain = random_chain<D>(6);
-  EkfJoin<D> filter = fused<D>({chain.maps[0]});
+  EkfJoin<D> filter = ekf_joined<D>({chain.maps[0]});
   const std::string message = complaint_of<DisconnectedError>([&] { filter.fuse(chain.maps[2]); });
   EXPECT_NE(message.find("pose:2 does not begin where the one before it ends"), std::string::npos)
       << message;

@@ -20,7 +20,7 @@ using namespace test;  // NOLINT
 
 const Mode kModes[] = {Mode::kPaper, Mode::kSummary, Mode::kObserve, Mode::kOptimal};
 
-JoinOptions small_leaves(Mode mode) {
+JoinOptions small_leaves_in(Mode mode) {
   JoinOptions out;
   out.mode = mode;
   out.leaf_variables = 10;
@@ -41,7 +41,7 @@ TEST(JoinWhatUsersAdd, MapsInFramesOfFeatures) {
     truth.transform(truth.pose(pose_key(0)).inverse());
     for (const Mode mode : {Mode::kSummary, Mode::kObserve, Mode::kOptimal}) {
       const JoinResult<2> result =
-          join_all<2>(std::span<const Map<2>>(maps), {}, small_leaves(mode));
+          join_all<2>(std::span<const Map<2>>(maps), {}, small_leaves_in(mode));
       ASSERT_EQ(result.maps.size(), 1U);
       ASSERT_EQ(result.maps[0].variables(), truth.variables());
       EXPECT_LT(distance(result.maps[0].values, truth), 1e-8);
@@ -67,7 +67,7 @@ TEST(JoinWhatUsersAdd, VariablesOfAUsersTypes) {
   builder.add<BiasType<2>>(pose_key(4), key("bias", 1), Vec<1>(0.25), Mat<1, 1>(4.0));
   const auto graph = std::move(builder).build();
   for (const Mode mode : kModes) {
-    const Map<2> map = join_all(graph, small_leaves(mode)).maps.at(0);
+    const Map<2> map = join_all(graph, small_leaves_in(mode)).maps.at(0);
     const Rigid2 T = sample.truth.pose(pose_key(0)).inverse();
     for (std::uint64_t w = 0; w < 6; ++w) {
       const auto expected = Wall::transform<double>(T, walls[w]);
@@ -129,10 +129,10 @@ void expect_joins(const TwoDrives<T>& drives) {
   EXPECT_LT(distance(join(maps[0], maps[1]).values, drives.truth), 1e-8);
   for (const Mode mode : {Mode::kSummary, Mode::kObserve, Mode::kOptimal}) {
     const JoinResult<D> of_maps =
-        join_all<D>(std::span<const Map<D>>(maps), {}, small_leaves(mode));
+        join_all<D>(std::span<const Map<D>>(maps), {}, small_leaves_in(mode));
     ASSERT_EQ(of_maps.maps.size(), 1U);
     EXPECT_LT(distance(of_maps.maps[0].values, drives.truth), 1e-8);
-    const JoinResult<D> of_graph = join_all(drives.graph(), small_leaves(mode));
+    const JoinResult<D> of_graph = join_all(drives.graph(), small_leaves_in(mode));
     ASSERT_EQ(of_graph.maps.size(), 1U);
     EXPECT_LT(distance(of_graph.maps[0].values, drives.truth), 1e-8);
   }

@@ -23,9 +23,9 @@ using namespace test;  // NOLINT
 using ::testing::HasSubstr;
 
 template <class T>
-class World : public ::testing::Test {};
+class WorldFrame : public ::testing::Test {};
 using Dimensions = ::testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 3>>;
-TYPED_TEST_SUITE(World, Dimensions);
+TYPED_TEST_SUITE(WorldFrame, Dimensions);
 
 /// A graph, and its truth somewhere in the world, the world with it.
 template <int D>
@@ -64,7 +64,7 @@ struct Case {
   }
 };
 
-TYPED_TEST(World, SurveyedPosesPlaceTheMap) {
+TYPED_TEST(WorldFrame, SurveyedPosesPlaceTheMap) {
   constexpr int D = TypeParam::value;
   Dice dice(1);
   Case<D> world(dice, 0.0);
@@ -76,7 +76,7 @@ TYPED_TEST(World, SurveyedPosesPlaceTheMap) {
     EXPECT_LT(distance(world.georeferenced(mode), world.truth), 1e-8);
 }
 
-TYPED_TEST(World, PositionsAlonePlaceTheMap) {
+TYPED_TEST(WorldFrame, PositionsAlonePlaceTheMap) {
   constexpr int D = TypeParam::value;
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     SCOPED_TRACE(seed);
@@ -88,7 +88,7 @@ TYPED_TEST(World, PositionsAlonePlaceTheMap) {
   }
 }
 
-TYPED_TEST(World, APositionAndAnOrientationPlaceTheMap) {
+TYPED_TEST(WorldFrame, APositionAndAnOrientationPlaceTheMap) {
   constexpr int D = TypeParam::value;
   Dice dice(2);
   Case<D> world(dice, 0.0);
@@ -99,7 +99,7 @@ TYPED_TEST(World, APositionAndAnOrientationPlaceTheMap) {
   EXPECT_LT(distance(world.georeferenced(Mode::kOptimal), world.truth), 1e-7);
 }
 
-TYPED_TEST(World, PositionsOfNoisyDrivesGiveConsistentMaps) {
+TYPED_TEST(WorldFrame, PositionsOfNoisyDrivesGiveConsistentMaps) {
   constexpr int D = TypeParam::value;
   // Chains whose noise is what their information says, and satellite positions of every third pose.
   double nees = 0.0, dimension = 0.0;
@@ -141,7 +141,7 @@ TYPED_TEST(World, PositionsOfNoisyDrivesGiveConsistentMaps) {
   EXPECT_NEAR(nees, dimension, 4.0 * std::sqrt(2.0 * dimension));
 }
 
-TYPED_TEST(World, JoinsDrivesThatShareNothingElse) {
+TYPED_TEST(WorldFrame, JoinsDrivesThatShareNothingElse) {
   constexpr int D = TypeParam::value;
   Dice dice(6);
   MeasurementGraphBuilder<D> builder;
@@ -166,7 +166,7 @@ TYPED_TEST(World, JoinsDrivesThatShareNothingElse) {
   EXPECT_LT(distance(map.values, std::move(truth).build()), 1e-7);
 }
 
-TYPED_TEST(World, TooFewPositionsLeaveTheMapWhereItIsAndSaySo) {
+TYPED_TEST(WorldFrame, TooFewPositionsLeaveTheMapWhereItIsAndSaySo) {
   constexpr int D = TypeParam::value;
   Dice dice(3);
   Case<D> world(dice, 0.0);
@@ -179,7 +179,7 @@ TYPED_TEST(World, TooFewPositionsLeaveTheMapWhereItIsAndSaySo) {
   EXPECT_THAT(result.report.notes[0], HasSubstr("left out"));
 }
 
-TYPED_TEST(World, PositionsHaveNoSummary) {
+TYPED_TEST(WorldFrame, PositionsHaveNoSummary) {
   constexpr int D = TypeParam::value;
   Dice dice(3);
   Case<D> world(dice, 0.0);
@@ -191,7 +191,7 @@ TYPED_TEST(World, PositionsHaveNoSummary) {
                      {"3 measurements from the world", "observe"});
 }
 
-TYPED_TEST(World, PositionInformationIsAlongTheAxesOfTheWorld) {
+TYPED_TEST(WorldFrame, PositionInformationIsAlongTheAxesOfTheWorld) {
   constexpr int D = TypeParam::value;
   Dice dice(8);
   const Mat<D, D> information = dice.definite(D);

@@ -1,6 +1,7 @@
 // Covariances: against dense inversion, in any frame, and what no frame changes.
 #include "mapjoin/solvers/covariance.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "mapjoin/frames/change_frame.h"

@@ -1,6 +1,7 @@
 // Marginalisation: against the dense Schur complement, in any frame and any order.
 #include "mapjoin/solvers/marginalize.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "mapjoin/frames/change_frame.h"
