@@ -40,7 +40,7 @@ const std::vector<PublishedRow> kSimulated = {
     {{"local_maps", "simu_35188_700"}, 10446.9, true, 0, 0},
 };
 
-std::string name_of(const testing::TestParamInfo<PublishedRow>& info) {
+std::string label_of_row(const testing::TestParamInfo<PublishedRow>& info) {
   return info.param.set.label();
 }
 
@@ -95,8 +95,8 @@ TEST_P(Published, IsReproducedInPaperMode) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Real, Published, testing::ValuesIn(kRows), name_of);
-INSTANTIATE_TEST_SUITE_P(Simulated, Published, testing::ValuesIn(kSimulated), name_of);
+INSTANTIATE_TEST_SUITE_P(Real, Published, testing::ValuesIn(kRows), label_of_row);
+INSTANTIATE_TEST_SUITE_P(Simulated, Published, testing::ValuesIn(kSimulated), label_of_row);
 
 class Observe : public testing::TestWithParam<PublishedRow> {};
 
@@ -115,7 +115,7 @@ TEST_P(Observe, IsNoWorseThanPublished) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(, Observe, testing::ValuesIn(kRows), name_of);
+INSTANTIATE_TEST_SUITE_P(, Observe, testing::ValuesIn(kRows), label_of_row);
 
 TEST(Summary, IsNoWorseThanPublishedOnAtLeastSevenOfNineSets) {
   int reached = 0;

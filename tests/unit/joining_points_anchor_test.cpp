@@ -34,7 +34,7 @@ TYPED_TEST_SUITE(JoinInPoints, Dimensions);
 
 constexpr double kNoise = 0.02;
 
-JoinOptions small_leaves(Mode mode, TreeShape tree = TreeShape::kGraph) {
+JoinOptions leaves_of_eight(Mode mode, TreeShape tree = TreeShape::kGraph) {
   JoinOptions out;
   out.mode = mode;
   out.tree = tree;
@@ -90,13 +90,13 @@ TYPED_TEST(JoinInPoints, FindsTheOptimumOfCeres) {
     const Values<D> best = reference.minimise(truth, pose_key(0));
     const double chi2_best = reference.chi2(best);
     for (const TreeShape tree : {TreeShape::kGraph, TreeShape::kOrder}) {
-      const JoinResult<D> optimal = join_all_of(maps, small_leaves(Mode::kOptimal, tree));
+      const JoinResult<D> optimal = join_all_of(maps, leaves_of_eight(Mode::kOptimal, tree));
       ASSERT_EQ(optimal.maps.size(), 1U);
       EXPECT_TRUE(optimal.report.minimum);
       EXPECT_NEAR(optimal.report.chi2, chi2_best, 1e-6 * chi2_best);
       EXPECT_LT(distance(optimal.maps[0].values, best), 1e-4);
       EXPECT_EQ(optimal.maps[0].anchor, pose_anchor<D>(pose_key(0)));
-      const JoinResult<D> observed = join_all_of(maps, small_leaves(Mode::kObserve, tree));
+      const JoinResult<D> observed = join_all_of(maps, leaves_of_eight(Mode::kObserve, tree));
       ASSERT_EQ(observed.maps.size(), 1U);
       EXPECT_LT(distance(observed.maps[0].values, best), 0.1 * kNoise);
       EXPECT_NEAR(reference.chi2(observed.maps[0].values), observed.report.chi2, 1e-6 * chi2_best);
@@ -111,7 +111,7 @@ TYPED_TEST(JoinInPoints, InformationIsThatOfDenseLeastSquares) {
   Values<D> truth = random_values<D>(dice, ids(7), ids(14));
   truth.transform(truth.pose(pose_key(0)).inverse());
   const auto maps = local_maps<D>(dice, truth, 3, true, false, kNoise);
-  const JoinResult<D> result = join_all_of(maps, small_leaves(Mode::kObserve));
+  const JoinResult<D> result = join_all_of(maps, leaves_of_eight(Mode::kObserve));
   const Map<D>& map = result.maps.at(0);
   const auto expected = reference_of(maps).normal_equations(map.values);
   EXPECT_LT(relative_distance(map.information.dense(), expected.H), 1e-9);
@@ -126,7 +126,7 @@ TYPED_TEST(JoinInPoints, WithoutPosesEndsWhereTheGradientVanishes) {
     const auto maps = local_maps<D>(dice, truth, 5, false, false, kNoise);
     const auto reference = reference_of(maps);
     for (const TreeShape tree : {TreeShape::kGraph, TreeShape::kOrder}) {
-      const JoinResult<D> result = join_all_of(maps, small_leaves(Mode::kOptimal, tree));
+      const JoinResult<D> result = join_all_of(maps, leaves_of_eight(Mode::kOptimal, tree));
       ASSERT_EQ(result.maps.size(), 1U);
       const Map<D>& map = result.maps[0];
       const auto normal = reference.normal_equations(map.values);
@@ -153,7 +153,7 @@ TYPED_TEST(JoinInPoints, ExactMapsGiveTheTruthInEveryMode) {
     Values<D> truth = random_values<D>(dice, with_poses ? ids(11) : ids(0), ids(20));
     const auto maps = local_maps<D>(dice, truth, 5, with_poses, false, 0.0);
     for (const Mode mode : {Mode::kPaper, Mode::kSummary, Mode::kObserve, Mode::kOptimal}) {
-      const JoinResult<D> result = join_all_of(maps, small_leaves(mode));
+      const JoinResult<D> result = join_all_of(maps, leaves_of_eight(mode));
       ASSERT_EQ(result.maps.size(), 1U);
       truth.transform(motion_into(result.maps[0].anchor, truth));
       EXPECT_LT(distance(result.maps[0].values, truth), 1e-8);
@@ -172,7 +172,7 @@ TYPED_TEST(JoinInPoints, PublishedModeJoinsMapsThatShareNoPoseAtPoints) {
     for (const auto id : ids(8, pose == 0 ? 0 : 4)) terms.push_back(point_key(id));
     maps.push_back(random_local_map(dice, truth, pose, terms, 0.0));
   }
-  const JoinResult<D> result = join_all_of(maps, small_leaves(Mode::kPaper, TreeShape::kOrder));
+  const JoinResult<D> result = join_all_of(maps, leaves_of_eight(Mode::kPaper, TreeShape::kOrder));
   ASSERT_EQ(result.maps.size(), 1U);
   Values<D> expected = part_of(truth, {0, 1, 3, 4}, ids(12));
   expected.transform(motion_into(result.maps[0].anchor, expected));
@@ -303,7 +303,7 @@ TYPED_TEST(JoinInPoints, NativeMapsKeepFramesAndObservations) {
   Dice dice(12);
   const Values<D> truth = random_values<D>(dice, ids(11), ids(20));
   const auto maps = local_maps<D>(dice, truth, 5, true, true, kNoise);
-  JoinResult<D> result = join_all_of(maps, small_leaves(Mode::kOptimal));
+  JoinResult<D> result = join_all_of(maps, leaves_of_eight(Mode::kOptimal));
   const Map<D> map = change_frame(result.maps.at(0), points_of<D>({1, 9, 15}));
   const TemporaryDirectory scratch;
   write_map(scratch.file("points.map"), map);
@@ -318,7 +318,7 @@ TYPED_TEST(JoinInPoints, NativeMapsKeepFramesAndObservations) {
   // Joined again it is the same optimum.
   const std::vector<Map<D>> again{back, back};
   const JoinResult<D> twice =
-      join_all(std::span<const Map<D>>(again), {}, small_leaves(Mode::kOptimal));
+      join_all(std::span<const Map<D>>(again), {}, leaves_of_eight(Mode::kOptimal));
   EXPECT_NEAR(twice.report.chi2, 2.0 * result.report.chi2, 1e-6 * result.report.chi2);
 }
 
@@ -335,7 +335,7 @@ TYPED_TEST(JoinInPoints, MapsWithoutObservationsJoinInAnyFrame) {
     elsewhere.back().solved_in = maps.back().solved_in;
   }
   const auto joined = [](const std::vector<Map<D>>& in) {
-    return join_all(std::span<const Map<D>>(in), {}, small_leaves(Mode::kOptimal)).maps.at(0);
+    return join_all(std::span<const Map<D>>(in), {}, leaves_of_eight(Mode::kOptimal)).maps.at(0);
   };
   // Where the maps are written does not matter, only where they were solved.
   EXPECT_LT(distance(joined(maps).values, joined(elsewhere).values), 1e-6);
@@ -354,7 +354,7 @@ TEST(JoinInFramesOfUsers, LineAndPointAndLevelFramesGiveTheTruth) {
                              map_of(dice, truth, own::line_anchor(3, 0))};
     for (const Mode mode : {Mode::kSummary, Mode::kObserve, Mode::kOptimal}) {
       const Map<2> joined =
-          join_all(std::span<const Map<2>>(maps), {}, small_leaves(mode)).maps.at(0);
+          join_all(std::span<const Map<2>>(maps), {}, leaves_of_eight(mode)).maps.at(0);
       truth.transform(motion_into(joined.anchor, truth));
       EXPECT_LT(distance(joined.values, truth), 1e-8);
     }
@@ -371,7 +371,7 @@ TEST(JoinInFramesOfUsers, LineAndPointAndLevelFramesGiveTheTruth) {
   }
   for (const Mode mode : {Mode::kSummary, Mode::kObserve, Mode::kOptimal}) {
     const Map<3> joined =
-        join_all(std::span<const Map<3>>(maps), {}, small_leaves(mode)).maps.at(0);
+        join_all(std::span<const Map<3>>(maps), {}, leaves_of_eight(mode)).maps.at(0);
     truth.transform(motion_into(joined.anchor, truth));
     EXPECT_LT(distance(joined.values, truth), 1e-8);
   }
