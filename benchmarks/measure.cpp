@@ -7,9 +7,9 @@
 #include <algorithm>
 #include <ctime>
 #include <filesystem>
-#include <fstream>
 #include <numeric>
-#include <sstream>
+
+#include "mapjoin/joining/process_memory.h"
 
 namespace mapjoin::benchmarks {
 
@@ -51,26 +51,6 @@ double processor_seconds() {
   timespec t = {};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
-
-/// A line of /proc/self/status, in bytes.
-std::optional<std::int64_t> memory(const std::string& field) {
-  std::ifstream status("/proc/self/status");
-  for (std::string line; std::getline(status, line);) {
-    if (!line.starts_with(field)) continue;
-    std::int64_t kibibytes = 0;
-    std::istringstream(line.substr(field.size())) >> kibibytes;
-    return kibibytes * 1024;
-  }
-  return std::nullopt;
-}
-
-/// Lets the kernel's peak begin anew at what is in use. False where it does not let us.
-bool reset_peak() {
-  malloc_trim(0);  // else earlier runs' memory, freed but kept, hides what a run takes
-  std::ofstream clear("/proc/self/clear_refs");
-  clear << "5" << std::flush;
-  return clear.good();
 }
 
 template <class Of>
@@ -191,11 +171,11 @@ Allowance::~Allowance() {
 void race(std::span<Contender> contenders, int repeat, double slow, double round) {
   for (Contender& c : contenders) {
     const Allowance allowance(c.threads);
-    const bool measurable = reset_peak();
-    const auto before = memory("VmRSS:");
+    malloc_trim(0);  // else earlier runs' memory, freed but kept, hides what a run takes
+    const bool measurable = reset_peak_memory();
+    const std::int64_t before = resident_memory();
     Measured first = c.run();
-    const auto peak = memory("VmHWM:");
-    if (measurable && before && peak) c.peak_bytes = std::max<std::int64_t>(0, *peak - *before);
+    if (measurable && before > 0) c.peak_bytes = std::max<std::int64_t>(0, peak_memory() - before);
     if (first.seconds() > slow) c.runs.push_back(std::move(first));
   }
   std::vector<Contender*> racing;

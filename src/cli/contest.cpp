@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <fstream>
 #include <map>
 #include <set>
 #include <string_view>
@@ -15,7 +14,7 @@
 #include "mapjoin/cli/progress.h"
 #include "mapjoin/filtering/map_stream.h"
 #include "mapjoin/graph/error.h"
-#include "mapjoin/joining/memory_limit.h"
+#include "mapjoin/joining/process_memory.h"
 
 namespace mapjoin::cli {
 
@@ -82,18 +81,6 @@ std::vector<Contestant> contestants(const std::string& list, bool recording) {
 }
 
 namespace {
-
-/// Bytes that the process holds at most from now on, where the system can tell.
-void forget_peak() { std::ofstream("/proc/self/clear_refs") << "5"; }
-std::int64_t peak_since() {
-  std::ifstream in("/proc/self/status");
-  std::string word;
-  while (in >> word) {
-    std::int64_t kilobytes = 0;
-    if (word == "VmHWM:" && in >> kilobytes) return kilobytes * 1024;
-  }
-  return peak_memory();
-}
 
 template <int D>
 FilterResult<D> filter_whole_run(const RawLog<D>& log, const ProgressCallback& progress) {
@@ -182,7 +169,7 @@ Row<D> run_one(const Contestant& contestant, const Subject<D>& subject,
   options.join.tree = contestant.mode == Mode::kPaper ? TreeShape::kOrder : TreeShape::kGraph;
   ProgressBar bar;
   options.join.progress = bar.callback();
-  forget_peak();
+  reset_peak_memory();
   const std::int64_t before = resident_memory();
   const Stopwatch clock;
   try {
@@ -198,7 +185,7 @@ Row<D> run_one(const Contestant& contestant, const Subject<D>& subject,
     row.failure = error.what();
   }
   row.seconds = clock.seconds();
-  row.memory = std::max<std::int64_t>(0, peak_since() - before);
+  row.memory = std::max<std::int64_t>(0, peak_memory() - before);
   return row;
 }
 

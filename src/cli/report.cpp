@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "mapjoin/cli/terminal.h"
-#include "mapjoin/joining/memory_limit.h"
+#include "mapjoin/joining/process_memory.h"
 
 namespace mapjoin::cli {
 

@@ -1,11 +1,10 @@
 #include "mapjoin/joining/memory_limit.h"
 
 #include <fmt/format.h>
-#include <sys/resource.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <fstream>
+
+#include "mapjoin/joining/process_memory.h"
 
 namespace mapjoin {
 
@@ -18,20 +17,6 @@ constexpr std::int64_t kSmallest = 16 * kMiB;  // portions that are being writte
 constexpr std::int64_t kDoublesPerScalar = 8;
 
 }  // namespace
-
-std::int64_t resident_memory() {
-  std::ifstream in("/proc/self/statm");
-  std::int64_t pages = 0;
-  std::int64_t resident = 0;
-  if (!(in >> pages >> resident)) return 0;
-  return resident * static_cast<std::int64_t>(sysconf(_SC_PAGESIZE));
-}
-
-std::int64_t peak_memory() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return std::int64_t{usage.ru_maxrss} * 1024;
-}
 
 FactorResidence factor_residence(const JoinOptions& options, const FactorStatistics& statistics,
                                  int holders) {

@@ -6,12 +6,6 @@
 
 namespace mapjoin {
 
-/// Memory of this process that is resident now, in bytes; 0 where the system does not say.
-std::int64_t resident_memory();
-
-/// The most that has been resident so far, in bytes.
-std::int64_t peak_memory();
-
 /// How much of a factor each of `holders` threads may keep in memory, so that the process stays
 /// within options.memory_limit. What cannot go to a file (measurements, values, the dense matrices
 /// at hand) is counted first; when that alone is more than the limit, a small share is granted all
