@@ -114,11 +114,10 @@ int run(const Arguments& a) {
   }
   std::vector<std::string> worlds = a.worlds;
   worlds.insert(worlds.end(), a.growths.begin(), a.growths.end());
-  std::vector<Goal> aims = goals(comparisons);
-  for (Goal& goal : goals(growths)) aims.push_back(std::move(goal));
+  const std::vector<Goal> aims = goals(comparisons, growths);
   fmt::print("{}{}{}## Goals\n\n{}\n", markdown(comparisons, a.options),
              markdown(growths, a.options), worlds_table(worlds, a.seed), markdown(aims));
-  write(a.json, json(comparisons, growths, a.options));
+  write(a.json, json(comparisons, growths, aims, a.options));
   if (!comparisons.empty()) write(a.svg, chart(comparisons));
   const auto reached = [](const auto& what) { return what.reached(); };
   return std::all_of(comparisons.begin(), comparisons.end(), reached) &&

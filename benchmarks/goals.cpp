@@ -29,10 +29,7 @@ std::optional<double> fastest_other(const Comparison& c, const ThreadFigures& on
   return least * one_thread.once().seconds() / p->cholmod;
 }
 
-}  // namespace
-
-std::vector<Goal> goals(std::span<const Comparison> comparisons) {
-  std::vector<Goal> out;
+void add_goals(std::span<const Comparison> comparisons, std::vector<Goal>& out) {
   for (const Comparison& c : comparisons) {
     const std::string data = label(c);
     const ThreadFigures *const one = with(c, 1), *const two = with(c, 2);
@@ -53,11 +50,9 @@ std::vector<Goal> goals(std::span<const Comparison> comparisons) {
                      c.poses > kLargeFrom ? kGoalOfOthersLarge : kGoalOfOthersSmall});
     }
   }
-  return out;
 }
 
-std::vector<Goal> goals(std::span<const Growth> growths) {
-  std::vector<Goal> out;
+void add_goals(std::span<const Growth> growths, std::vector<Goal>& out) {
   for (const Growth& g : growths) {
     const auto one = std::find(g.threads.begin(), g.threads.end(), 1) - g.threads.begin();
     const auto two = std::find(g.threads.begin(), g.threads.end(), 2) - g.threads.begin();
@@ -79,6 +74,14 @@ std::vector<Goal> goals(std::span<const Growth> growths) {
            g.power(t), true, kGoalGrowth});
     }
   }
+}
+
+}  // namespace
+
+std::vector<Goal> goals(std::span<const Comparison> comparisons, std::span<const Growth> growths) {
+  std::vector<Goal> out;
+  add_goals(comparisons, out);
+  add_goals(growths, out);
   return out;
 }
 

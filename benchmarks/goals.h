@@ -36,8 +36,8 @@ struct Goal {
   bool holds() const { return at_most ? value <= limit : value >= limit; }
 };
 
-std::vector<Goal> goals(std::span<const Comparison> comparisons);
-std::vector<Goal> goals(std::span<const Growth> growths);
+/// All of them, those of data sets first.
+std::vector<Goal> goals(std::span<const Comparison> comparisons, std::span<const Growth> growths);
 
 /// A list in Markdown.
 std::string markdown(std::span<const Goal> goals);

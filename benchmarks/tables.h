@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "benchmarks/comparison.h"
+#include "benchmarks/goals.h"
 #include "benchmarks/growth.h"
 
 /// \file
@@ -26,7 +27,7 @@ std::string worlds_table(std::span<const std::string> sources, std::uint64_t see
 
 /// All medians, every run, and the goals.
 std::string json(std::span<const Comparison> comparisons, std::span<const Growth> growths,
-                 const ComparisonOptions& options);
+                 std::span<const Goal> goals, const ComparisonOptions& options);
 
 /// A bar for each data set and number of threads: how many times as long as one factorisation.
 std::string chart(std::span<const Comparison> comparisons);

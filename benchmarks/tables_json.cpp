@@ -2,7 +2,6 @@
 
 #include "benchmarks/ceres_run.h"
 #include "benchmarks/cholmod_run.h"
-#include "benchmarks/goals.h"
 #include "benchmarks/join_run.h"
 #include "benchmarks/published.h"
 #include "benchmarks/tables.h"
@@ -69,7 +68,7 @@ Json figures(const Goal& goal) {
 }  // namespace
 
 std::string json(std::span<const Comparison> comparisons, std::span<const Growth> growths,
-                 const ComparisonOptions& options) {
+                 std::span<const Goal> goals, const ComparisonOptions& options) {
   Json out;
   out["repeat"] = options.repeat;
   out["round"] = options.round;
@@ -113,8 +112,7 @@ std::string json(std::span<const Comparison> comparisons, std::span<const Growth
   }
   for (const Growth& g : growths) out["growth"].push_back(figures(g));
   out["goals"] = Json::array();
-  for (const Goal& goal : goals(comparisons)) out["goals"].push_back(figures(goal));
-  for (const Goal& goal : goals(growths)) out["goals"].push_back(figures(goal));
+  for (const Goal& goal : goals) out["goals"].push_back(figures(goal));
   return out.dump(2) + "\n";
 }
 
