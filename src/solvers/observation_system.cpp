@@ -106,36 +106,59 @@ void ObservationSystem<D>::weigh_held(const Piece<D>& piece) {
   }
 }
 
+/// Number of the type of measurement that observation k of the list is, or -1: it is a submap, or
+/// what holds the gauge.
+template <int D>
+int ObservationSystem<D>::type_of(std::int64_t k) const {
+  if (k >= static_cast<std::int64_t>(list_.size())) return -1;
+  const std::int64_t observation = list_.observation(k);
+  for (std::size_t g = 0; g < relative_.size(); ++g) {
+    if (observation <
+        relative_[g].first + static_cast<std::int64_t>(relative_[g].measurements->size()))
+      return static_cast<int>(g);
+  }
+  return -1;
+}
+
+/// body(f) for every front, f ascending within a chunk.
+template <int D>
+template <class Body>
+void ObservationSystem<D>::for_fronts(LoopRunner loop, const Body& body) const {
+  constexpr int kChunk = 512;
+  run_chunks(static_cast<int>(structure_.fronts.size()), kChunk, loop, [&](int begin, int end) {
+    for (int f = begin; f < end; ++f) body(f);
+  });
+}
+
 template <int D>
 void ObservationSystem<D>::sort_by_front(const Piece<D>& piece, LoopRunner loop) {
-  constexpr int kChunk = 512;          // fronts
-  std::vector<std::int64_t> first{0};  // observation number of each column's first measurement
+  std::int64_t first = 0;
   for (const auto& column : graph_.relative) {
     Relative group;
     group.measurements = &column;
     group.column = graph_.variables.find_column(column.kind->tag);
+    group.first = first;
+    first += static_cast<std::int64_t>(column.size());
     relative_.push_back(std::move(group));
-    first.push_back(first.back() + static_cast<std::int64_t>(column.size()));
   }
-  const auto regular = static_cast<std::int64_t>(list_.size());
-  const auto group_of = [&](std::int64_t k) -> Relative* {  // null: a submap, or what is held
-    if (k >= regular || list_.observation(k) >= first.back()) return nullptr;
-    std::size_t c = 0;
-    while (list_.observation(k) >= first[c + 1]) ++c;
-    return &relative_[c];
-  };
-  const auto fronts = static_cast<int>(structure_.fronts.size());
-  const auto for_fronts = [&](auto&& body) {  // body(f), f ascending within a chunk
-    run_chunks(fronts, kChunk, loop, [&](int begin, int end) {
-      for (int f = begin; f < end; ++f) body(f);
-    });
-  };
-  for (Relative& group : relative_) group.front.assign(at(fronts + 1), 0);
-  submap_front_.assign(at(fronts + 1), 0);
-  for_fronts([&](int f) {
+  count_by_front(loop);
+  const int poses = graph_.variables.find_column(Tag("pose"));
+  for_fronts(loop, [&](int f) { take_owned(f, piece, poses); });
+  has_submaps_ = std::ranges::any_of(
+      submap_cliques_, [&](auto k) { return k < static_cast<std::int64_t>(list_.size()); });
+  front_chi2_.resize(structure_.fronts.size());
+}
+
+/// Where each front's entries begin, and room for all of them.
+template <int D>
+void ObservationSystem<D>::count_by_front(LoopRunner loop) {
+  const std::size_t fronts = structure_.fronts.size();
+  for (Relative& group : relative_) group.front.assign(fronts + 1, 0);
+  submap_front_.assign(fronts + 1, 0);
+  for_fronts(loop, [&](int f) {
     for (const std::int64_t k : structure_.owned_by(f)) {
-      Relative* const group = group_of(k);
-      ++(group != nullptr ? group->front : submap_front_)[at(f + 1)];
+      const int g = type_of(k);
+      ++(g >= 0 ? relative_[at(g)].front : submap_front_)[at(f + 1)];
     }
   });
   for (Relative& group : relative_) {
@@ -146,31 +169,32 @@ void ObservationSystem<D>::sort_by_front(const Piece<D>& piece, LoopRunner loop)
   }
   std::inclusive_scan(submap_front_.begin(), submap_front_.end(), submap_front_.begin());
   submap_cliques_.resize(at(submap_front_.back()));
-  const int poses = graph_.variables.find_column(Tag("pose"));
-  for_fronts([&](int f) {
-    std::size_t c = 0;  // the observations of a front are ascending, so groups come in order
-    std::size_t next = relative_.empty() ? 0 : at(relative_[0].front[at(f)]);
-    std::int64_t submap = submap_front_[at(f)];
-    for (const std::int64_t k : structure_.owned_by(f)) {
-      Relative* const group = group_of(k);
-      if (group == nullptr) {
-        submap_cliques_[at(submap++)] = k;
-        continue;
-      }
-      const auto g = static_cast<std::size_t>(group - relative_.data());
-      if (g != std::exchange(c, g)) next = at(group->front[at(f)]);
-      const auto v = list_.clique(k);
-      const auto rows = structure_.clique_rows(k);
-      group->id[next] = static_cast<std::int32_t>(list_.observation(k) - first[g]);
-      group->slots[2 * next] = v[0] - piece.column_start[at(poses)];
-      group->slots[2 * next + 1] = v[1] - piece.column_start[at(group->column)];
-      group->offsets[2 * next] = rows[0];
-      group->offsets[2 * next + 1] = rows[1];
-      ++next;
+}
+
+/// Enters what front f owns; `poses` is their column. Observations of a front are ascending, so
+/// types come in order.
+template <int D>
+void ObservationSystem<D>::take_owned(std::int32_t f, const Piece<D>& piece, int poses) {
+  int type = -1;
+  std::size_t next = 0;
+  std::int64_t submap = submap_front_[at(f)];
+  for (const std::int64_t k : structure_.owned_by(f)) {
+    const int g = type_of(k);
+    if (g < 0) {
+      submap_cliques_[at(submap++)] = k;
+      continue;
     }
-  });
-  has_submaps_ = std::ranges::any_of(submap_cliques_, [&](auto k) { return k < regular; });
-  front_chi2_.resize(at(fronts));
+    Relative& group = relative_[at(g)];
+    if (g != std::exchange(type, g)) next = at(group.front[at(f)]);
+    const auto v = list_.clique(k);
+    const auto rows = structure_.clique_rows(k);
+    group.id[next] = static_cast<std::int32_t>(list_.observation(k) - group.first);
+    group.slots[2 * next] = v[0] - piece.column_start[at(poses)];
+    group.slots[2 * next + 1] = v[1] - piece.column_start[at(group.column)];
+    group.offsets[2 * next] = rows[0];
+    group.offsets[2 * next + 1] = rows[1];
+    ++next;
+  }
 }
 
 template <int D>

@@ -102,6 +102,7 @@ class ObservationSystem {
   struct Relative {
     const RelativeMeasurements<D>* measurements = nullptr;
     int column = 0;                     ///< of the graph's variables
+    std::int64_t first = 0;             ///< observation number of the first measurement
     std::vector<std::int32_t> id;       ///< row in the measurements
     std::vector<std::int32_t> slots;    ///< pairs: places of pose and variable within their columns
     std::vector<std::int32_t> offsets;  ///< pairs: rows in the owner's front
@@ -115,7 +116,12 @@ class ObservationSystem {
   void hold_gauge(const Piece<D>& piece);
   void weigh_held(const Piece<D>& piece);
   void plan(const Piece<D>& piece, std::span<const std::int32_t> rank, WorkerPool* pool);
+  int type_of(std::int64_t k) const;
+  template <class Body>
+  void for_fronts(LoopRunner loop, const Body& body) const;
   void sort_by_front(const Piece<D>& piece, LoopRunner loop);
+  void count_by_front(LoopRunner loop);
+  void take_owned(std::int32_t f, const Piece<D>& piece, int poses);
   RelativeBatch<D> batch(const Relative& relative, const Piece<D>& piece, std::int64_t first,
                          std::int64_t last) const;
   double assemble_submaps(std::int32_t front, const DenseTarget& target, const Piece<D>& piece,
