@@ -360,47 +360,78 @@ TEST(Refinement, CorrectsALargeStepInsteadOfAnotherFactorization) {
   RecordProperty("without", without);
 }
 
+/// Two solves from `far` beside the truth of a small world, in units of its headings' errors, then
+/// what refine makes of the second one's factor.
+struct Refined {
+  double promised = 0.0;  ///< by the second solve, as a part of the chi2 it leads to
+  RefineResult result;
+  double above = 0.0;  ///< the minimum, as a part of it
+};
+
+Refined refine_from_beside_the_truth(std::uint64_t seed, double noise, double least, double most) {
+  SimulationOptions world = simulation_defaults(World::kManhattan);
+  world.poses = 400;
+  world.seed = seed;
+  world.noise = noise;
+  const Simulation<2> made = simulate<2>(world);
+  const MeasurementGraph<2>& graph = made.graph;
+  Piece<2> piece = whole_piece(graph, made.truth);
+  Dice dice(seed);
+  std::vector<double> away(3 * static_cast<std::size_t>(piece.size()));
+  const double far = dice.uniform(least, most) * std::sqrt(world.sigma_rotation * world.noise);
+  for (double& a : away) a = far * dice.normal();
+  retract(graph.variables, piece, std::span<const double>(away));
+  Places places(graph.variables.size());
+  ObservationSystem<2> system(graph, piece, {}, places);
+  FrontalCholesky cholesky;
+  WorkerPool pool;
+  linear_step(graph, piece, system, cholesky, pool);
+  LastSolve last;
+  last.values = piece.data;
+  const auto step = linear_step(graph, piece, system, cholesky, pool);
+  last.chi2 = step.chi2;
+  last.promised = step.predicted_decrease;
+  Refined out;
+  out.promised = last.promised / (last.chi2 - last.promised);
+  const double best = refined_from(graph, to_values(graph.variables, piece), 1e-12).chi2;
+  out.result = refine(graph, piece, system, cholesky, pool, 100, kRefineTolerance, {}, last);
+  out.above = (out.result.chi2 - best) / best;
+  return out;
+}
+
 // Where measurements are good, the last solve of a join takes most of chi2 away and is at the
 // minimum all the same: its factor tells, without another.
 TEST(Refinement, TrustsALargeStepThatEndsAtTheMinimum) {
-  int large = 0, trusted = 0, others = 0;
-  for (int k = 0; k < 60; ++k) {
-    SimulationOptions world = simulation_defaults(World::kManhattan);
-    world.poses = 400;
-    world.seed = static_cast<std::uint64_t>(k);
-    world.noise = 0.002 * std::pow(1.2, k % 30);
-    const Simulation<2> made = simulate<2>(world);
-    const MeasurementGraph<2>& graph = made.graph;
+  int trusted = 0, others = 0;
+  for (std::uint64_t k = 0; k < 60; ++k) {
     // So far from the truth that the first step leaves errors like those of the measurements.
-    Piece<2> piece = whole_piece(graph, made.truth);
-    Dice dice(world.seed);
-    std::vector<double> away(3 * static_cast<std::size_t>(piece.size()));
-    const double far = dice.uniform(0.3, 3.0) * std::sqrt(world.sigma_rotation * world.noise);
-    for (double& a : away) a = far * dice.normal();
-    retract(graph.variables, piece, std::span<const double>(away));
-    Places places(graph.variables.size());
-    ObservationSystem<2> system(graph, piece, {}, places);
-    FrontalCholesky cholesky;
-    WorkerPool pool;
-    linear_step(graph, piece, system, cholesky, pool);
-    LastSolve last;
-    last.values = piece.data;
-    const auto step = linear_step(graph, piece, system, cholesky, pool);
-    last.chi2 = step.chi2;
-    last.promised = step.predicted_decrease;
-    if (last.promised < 0.5 * (last.chi2 - last.promised)) continue;
-    ++large;
-    const double best = refined_from(graph, to_values(graph.variables, piece), 1e-12).chi2;
-    const RefineResult result =
-        refine(graph, piece, system, cholesky, pool, 100, kRefineTolerance, {}, last);
-    EXPECT_TRUE(result.minimum);
-    EXPECT_LE(result.chi2 - best, 1e-6 * best) << "world " << k;
-    (result.factorizations == 0 ? trusted : others) += 1;
+    const Refined run = refine_from_beside_the_truth(
+        k, 0.002 * std::pow(1.2, static_cast<double>(k % 30)), 0.3, 3.0);
+    if (run.promised < 0.5) continue;
+    EXPECT_TRUE(run.result.minimum);
+    EXPECT_LE(run.above, 1e-6) << "world " << k;
+    (run.result.factorizations == 0 ? trusted : others) += 1;
   }
   EXPECT_GT(trusted, 5);  // or these worlds no longer show it
   EXPECT_GT(others, 5);
-  RecordProperty("large", large);
   RecordProperty("trusted", trusted);
+  RecordProperty("others", others);
+}
+
+// Not as small as those that joins end with, not so large that its factor may be worth nothing.
+TEST(Refinement, FinishesAMiddlingStepByItsFactor) {
+  int middling = 0;
+  for (std::uint64_t k = 0; k < 60; ++k) {
+    const Refined run = refine_from_beside_the_truth(
+        k, 0.002 * std::pow(1.2, static_cast<double>(k % 40)), 0.3, 3.0);
+    if (run.promised < 0.01 || run.promised > 0.5) continue;
+    ++middling;
+    EXPECT_TRUE(run.result.minimum);
+    EXPECT_LE(run.above, 1e-6) << "world " << k;
+    EXPECT_EQ(run.result.factorizations, 0) << "world " << k;
+  }
+  EXPECT_GT(middling, 10);  // or these worlds no longer show it
+  RecordProperty("middling", middling);
 }
 
 TYPED_TEST(JoinAll, RefusesEmptyInputAndSenselessOptions) {
