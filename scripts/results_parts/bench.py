@@ -102,7 +102,7 @@ class Bench:
         if not path.exists():
             return None
         done = subprocess.run([path, "--gtest_filter=" + pattern], capture_output=True, text=True,
-                              env=self.environment)
+                              env=dict(self.environment, MAPJOIN_ALL_RUNS="1"))
         if report is not None:
             report.append(done.stdout)
         def count(word):
@@ -176,7 +176,7 @@ def four_digits(value, published):
 
 def tests_of(bench, report, program, pattern):
     """Judges by tests. Returns what they printed."""
-    report.commands(f"build/release/tests/{program} --gtest_filter='{pattern}'")
+    report.commands(f"MAPJOIN_ALL_RUNS=1 build/release/tests/{program} --gtest_filter='{pattern}'")
     output = []
     counts = bench.run_tests(program, pattern, output)
     if counts is None:

@@ -18,6 +18,7 @@
 #include "mapjoin/frames/local_map.h"
 #include "mapjoin/solvers/covariance.h"
 #include "mapjoin/solvers/relative.h"
+#include "tests/support/runs.h"
 
 namespace mapjoin::test {
 namespace {
@@ -115,8 +116,8 @@ Runs run_many(const char* name, LogSimulationOptions world, double maps, int run
 
 /// As the paper has it: 150 m x 150 m, 2500 beacons, 27924 poses, 600 local maps by a filter.
 TEST(SlsjfWorld, ErrorsAreAsLargeAsStated) {
-  const Runs runs = run_many("150 m x 150 m", {}, 600.0, 30, Builder::kFilter);
-  EXPECT_NEAR(runs.nees_a_dimension(), 1.0, 0.02);
+  const Runs many = run_many("150 m x 150 m", {}, 600.0, runs(8, 30), Builder::kFilter);
+  EXPECT_NEAR(many.nees_a_dimension(), 1.0, 0.02);
 }
 
 /// A corner of it, driven often enough for a mean that means something. So many runs show what
@@ -128,8 +129,8 @@ TEST(SlsjfWorld, ErrorsInACornerOfItAreAsLargeAsStated) {
   corner.beacons_a_side = 10;
   constexpr Builder kBuilders[] = {Builder::kNonlinear, Builder::kFilter};
   for (const Builder builder : kBuilders) {
-    const Runs runs = run_many("30 m x 30 m", corner, 26.0, 250, builder);
-    EXPECT_NEAR(runs.nees_a_dimension(), 1.0, 0.02);
+    const Runs many = run_many("30 m x 30 m", corner, 26.0, runs(50, 250), builder);
+    EXPECT_NEAR(many.nees_a_dimension(), 1.0, 0.02);
   }
   CsvLogOptions& sensors = corner.sensors;
   for (double* const sigma :
@@ -137,21 +138,22 @@ TEST(SlsjfWorld, ErrorsInACornerOfItAreAsLargeAsStated) {
         &sensors.sigma_range, &sensors.sigma_bearing})
     *sigma *= 0.1;
   for (const Builder builder : kBuilders) {
-    const Runs runs = run_many("30 m x 30 m, a tenth of the noise", corner, 26.0, 250, builder);
-    EXPECT_GE(runs.nees_a_dimension(), runs.nees_at(0.025));
-    EXPECT_LE(runs.nees_a_dimension(), runs.nees_at(0.975));
+    const Runs many =
+        run_many("30 m x 30 m, a tenth of the noise", corner, 26.0, runs(50, 250), builder);
+    EXPECT_GE(many.nees_a_dimension(), many.nees_at(0.025));
+    EXPECT_LE(many.nees_a_dimension(), many.nees_at(0.975));
   }
 }
 
 TEST(SlsjfWorld, ErrorsRelativeToTheNearestPoseAreInsideTheirBoundsInEveryRun) {
-  for (const std::uint64_t seed : {1U, 2U, 3U}) {
+  for (int seed = 1; seed <= runs(1, 3); ++seed) {
     LogSimulationOptions world;
-    world.seed = seed;
+    world.seed = static_cast<std::uint64_t>(seed);
     const SimulatedLog simulated = simulate_log(world);
     const double share =
         share_inside_nearby(joined_map(simulated, 600.0, Builder::kFilter), simulated.truth);
-    std::printf("the whole world, seed %d: share inside 2 sigma of the nearest pose %.4f\n",
-                static_cast<int>(seed), share);
+    std::printf("the whole world, seed %d: share inside 2 sigma of the nearest pose %.4f\n", seed,
+                share);
     EXPECT_GT(share, 0.93) << seed;
     EXPECT_LT(share, 0.98) << seed;
   }
@@ -160,9 +162,9 @@ TEST(SlsjfWorld, ErrorsRelativeToTheNearestPoseAreInsideTheirBoundsInEveryRun) {
 /// The filter itself, linearised once. Where things are near each other it is right about itself;
 /// which way the whole map lies it may believe to know too well (docs/filters.md).
 TEST(SlsjfSimulation, TheFiltersErrorsAreInsideTheirBoundsSeenFromNearby) {
-  for (const std::uint64_t seed : {1U, 2U, 3U}) {
+  for (int seed = 1; seed <= runs(1, 3); ++seed) {
     LogSimulationOptions world;
-    world.seed = seed;
+    world.seed = static_cast<std::uint64_t>(seed);
     world.speed = 0.5;
     const SimulatedLog simulated = simulate_log(world);
     const BuiltMaps<2> built =
@@ -174,7 +176,7 @@ TEST(SlsjfSimulation, TheFiltersErrorsAreInsideTheirBoundsSeenFromNearby) {
         share_inside_nearby(slsjf(std::span<const LocalMap<2>>(maps)).map, simulated.truth);
     EXPECT_GT(part, 0.93) << seed;
     EXPECT_LT(part, 0.98) << seed;
-    std::printf("SLSJF, world %d: %.4f inside two sigma\n", static_cast<int>(seed), part);
+    std::printf("SLSJF, world %d: %.4f inside two sigma\n", seed, part);
   }
 }
 
