@@ -23,7 +23,7 @@ struct PublishedRow {
   }
 };
 
-const std::vector<PublishedRow> kRows = {
+const std::vector<PublishedRow> kPublished = {
     {{"pose_graphs", "intel_943"}, 546.51, true, .0066, 0},
     {{"pose_graphs", "manhattan_3500"}, 214.12, true, 1.115, 0},
     {{"pose_graphs", "city_10000"}, 601.38, true, .192, 0},
@@ -95,7 +95,7 @@ TEST_P(Published, IsReproducedInPaperMode) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Real, Published, testing::ValuesIn(kRows), label_of_row);
+INSTANTIATE_TEST_SUITE_P(Real, Published, testing::ValuesIn(kPublished), label_of_row);
 INSTANTIATE_TEST_SUITE_P(Simulated, Published, testing::ValuesIn(kSimulated), label_of_row);
 
 class Observe : public testing::TestWithParam<PublishedRow> {};
@@ -115,11 +115,11 @@ TEST_P(Observe, IsNoWorseThanPublished) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(, Observe, testing::ValuesIn(kRows), label_of_row);
+INSTANTIATE_TEST_SUITE_P(, Observe, testing::ValuesIn(kPublished), label_of_row);
 
 TEST(Summary, IsNoWorseThanPublishedOnAtLeastSevenOfNineSets) {
   int reached = 0;
-  for (const PublishedRow& row : kRows) {
+  for (const PublishedRow& row : kPublished) {
     const auto ours = outcome(row.set, Mode::kSummary);
     if (!ours) GTEST_SKIP() << missing(row.set);
     const bool near = row.set.name == "intel_943" || row.set.name == "victoria_park_200";

@@ -24,7 +24,7 @@ using test::DrivenWorld;
 using test::Sensor;
 
 template <int D>
-Simulation<D> world(World kind, int poses) {
+Simulation<D> simulated_in(World kind, int poses) {
   SimulationOptions options = simulation_defaults(kind);
   options.poses = poses;
   return simulate<D>(options);
@@ -72,8 +72,8 @@ Eigen::MatrixXd information(const RawLog<D>& log, std::span<const std::int64_t> 
 }
 
 TEST(Segmentation, UsesEachMeasurementOnceByCounting) {
-  const auto plane = world<2>(World::kLandmarks2d, 150);
-  const auto space = world<3>(World::kGrid3d, 150);
+  const auto plane = simulated_in<2>(World::kLandmarks2d, 150);
+  const auto space = simulated_in<3>(World::kGrid3d, 150);
   for (const SegmentRule& rule : all_rules()) {
     const RawLog<2> a = raw_log(plane.graph);
     expect_each_once(a, segment(a, rule));
@@ -85,7 +85,7 @@ TEST(Segmentation, UsesEachMeasurementOnceByCounting) {
 }
 
 TEST(Segmentation, UsesEachMeasurementOnceByInformation) {
-  const auto plane = world<2>(World::kLandmarks2d, 80);
+  const auto plane = simulated_in<2>(World::kLandmarks2d, 80);
   const RawLog<2> log = raw_log(plane.graph);
   std::vector<std::int64_t> all(log.size());
   std::iota(all.begin(), all.end(), 0);

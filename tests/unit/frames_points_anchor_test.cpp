@@ -48,7 +48,7 @@ void expect_same_blocks(const Map<D>& a, const Map<D>& b) {
 }
 
 template <int D>
-void expect_same_map(const Map<D>& a, const Map<D>& b) {
+void expect_same_anchored_map(const Map<D>& a, const Map<D>& b) {
   EXPECT_LT(distance(a.values, b.values), 1e-10);
   ASSERT_EQ(a.anchor, b.anchor);
   const AnchoredInformation of_a = anchored_information(a), of_b = anchored_information(b);
@@ -68,7 +68,7 @@ TYPED_TEST(PointsAnchor, ThereAndBackIsTheSameMapThroughEveryPairOfKinds) {
         SCOPED_TRACE(to_string(a) + " " + to_string(b));
         const Map<D> there = change_frame(map, b);
         expect_same_blocks(map, there);
-        expect_same_map(change_frame(there, a), map);
+        expect_same_anchored_map(change_frame(there, a), map);
       }
     }
   }
@@ -81,7 +81,7 @@ TYPED_TEST(PointsAnchor, ViaAThirdFrameIsTheSameMapForAllKinds) {
   for (const Anchor<D>& via : frames<D>()) {
     for (const Anchor<D>& end : frames<D>()) {
       SCOPED_TRACE(to_string(via) + " " + to_string(end));
-      expect_same_map(change_frame(change_frame(map, via), end), change_frame(map, end));
+      expect_same_anchored_map(change_frame(change_frame(map, via), end), change_frame(map, end));
     }
   }
 }
@@ -327,7 +327,7 @@ TEST(AnchorOfAUser, LineAndPointGoesThereAndBackFromEveryKind) {
       SCOPED_TRACE(to_string(a) + " " + to_string(b));
       const Map<2> there = change_frame(map, b);
       expect_same_blocks(map, there);
-      expect_same_map(change_frame(there, a), map);
+      expect_same_anchored_map(change_frame(there, a), map);
     }
   }
   const Map<2> map = map_with_a_line(dice, own::line_anchor(1, 2));
@@ -351,7 +351,7 @@ TEST(AnchorOfAUser, LevelFrameKeepsTheMapAndShowsUp) {
     EXPECT_EQ(level.values.pose(pose_key(1)).R(1, 0), 0.0);
     EXPECT_GT(level.values.pose(pose_key(1)).R(0, 0), 0.0);
     expect_same_blocks(map, level);
-    expect_same_map(change_frame(level, map.anchor), map);
+    expect_same_anchored_map(change_frame(level, map.anchor), map);
     // Heading mixes rotations: no row stands for it, so none can be dropped.
     EXPECT_THAT(complaint_of<InputError>([&] { (void)anchored_information(level); }),
                 HasSubstr("level:pose:1,up:0"));

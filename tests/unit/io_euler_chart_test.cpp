@@ -9,14 +9,14 @@
 namespace mapjoin {
 namespace {
 
-const Vec<3> kAngles[] = {
+const Vec<3> kEulerAngles[] = {
     {0, 0, 0}, {0.3, -0.7, 1.1}, {-3.1, 1.4, 2.9}, {1.6, 0.2, -1.7}, {2.0, -1.5, 0.01}};
 
 double wrapped(double angle) { return std::remainder(angle, 2.0 * M_PI); }
 
 TEST(EulerChart, AnglesAreThoseOfTheFileFormat) {
   // R^T = Rx(c) Ry(b) Rz(a) with the matrices the format's authors give.
-  for (const Vec<3>& angles : kAngles) {
+  for (const Vec<3>& angles : kEulerAngles) {
     const double a = angles(0), b = angles(1), c = angles(2);
     Mat<3, 3> Rx, Ry, Rz;
     Rx << 1, 0, 0, 0, std::cos(c), std::sin(c), 0, -std::sin(c), std::cos(c);
@@ -28,7 +28,7 @@ TEST(EulerChart, AnglesAreThoseOfTheFileFormat) {
 }
 
 TEST(EulerChart, AnglesComeBack) {
-  for (const Vec<3>& angles : kAngles) {
+  for (const Vec<3>& angles : kEulerAngles) {
     EXPECT_LT((angles_from_rotation(rotation_from_angles(angles)) - angles).norm(), 1e-13);
   }
 }
@@ -68,7 +68,7 @@ TEST(EulerChart, PlanarChartMatchesFiniteDifferences) {
 }
 
 TEST(EulerChart, SpatialChartMatchesFiniteDifferences) {
-  for (const Vec<3>& angles : kAngles) {
+  for (const Vec<3>& angles : kEulerAngles) {
     Twist<3> x;
     x << 1.0, -2.0, 3.0, angles;
     expect_chart_matches_differences<3>(x);

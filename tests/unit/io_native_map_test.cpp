@@ -18,7 +18,7 @@ using test::expect_input_error;
 /// A type that mapjoin does not know: an offset and a drift, say, that no change of frame touches.
 /// And, with another size, a type of the same name.
 template <int N>
-struct Clock {
+struct ClockOffset {
   static constexpr int ambient = 2;
   static constexpr int dim = N;
   static constexpr std::string_view name = "clock";
@@ -119,7 +119,7 @@ void expect_same_graph(const MeasurementGraph<D>& a, const MeasurementGraph<D>& 
 }
 
 template <int D>
-void expect_same_map(const Map<D>& a, const Map<D>& b) {
+void expect_identical_map(const Map<D>& a, const Map<D>& b) {
   expect_same_values(a.values, b.values);
   EXPECT_EQ(a.information, b.information);
   EXPECT_EQ(a.anchor, b.anchor);
@@ -153,24 +153,24 @@ class NativeMap : public testing::Test {
 TEST_F(NativeMap, PlanarMapsComeBackBitForBit) {
   const Map<2> map = some_map<2>();
   write_map(path_, map);
-  expect_same_map(read_map<2>(path_), map);
-  expect_same_map(std::get<Map<2>>(read_any_map(path_)), map);
+  expect_identical_map(read_map<2>(path_), map);
+  expect_identical_map(std::get<Map<2>>(read_any_map(path_)), map);
 }
 
 TEST_F(NativeMap, SpatialMapsComeBackBitForBit) {
   const Map<3> map = some_map<3>();
   write_map(path_, map);
-  expect_same_map(read_map<3>(path_), map);
-  expect_same_map(std::get<Map<3>>(read_any_map(path_)), map);
+  expect_identical_map(read_map<3>(path_), map);
+  expect_identical_map(std::get<Map<3>>(read_any_map(path_)), map);
 }
 
 TEST_F(NativeMap, SummariesAndEmptyMapsComeBack) {
   Map<2> map = some_map<2>();
   map.observations = nullptr;
   write_map(path_, map);
-  expect_same_map(read_map<2>(path_), map);
+  expect_identical_map(read_map<2>(path_), map);
   write_map(path_, Map<2>{});
-  expect_same_map(read_map<2>(path_), Map<2>{});
+  expect_identical_map(read_map<2>(path_), Map<2>{});
 }
 
 TEST_F(NativeMap, EqualMapsAreEqualFiles) {
@@ -182,7 +182,7 @@ TEST_F(NativeMap, EqualMapsAreEqualFiles) {
 Map<2> map_with_clock() {
   ValuesBuilder<2> builder;
   builder.add<Pose2>(pose_key(0), Rigid2::identity());
-  builder.add<Clock<2>>({Tag("clock"), 0, 4}, Vec<2>(0.25, 1e-9));
+  builder.add<ClockOffset<2>>({Tag("clock"), 0, 4}, Vec<2>(0.25, 1e-9));
   Map<2> map;
   map.values = std::move(builder).build();
   map.information =
@@ -194,8 +194,8 @@ Map<2> map_with_clock() {
 TEST_F(NativeMap, TypesOfAUsersOwnComeBack) {
   write_map(path_, map_with_clock());
   KnownTypes<2> types = builtin_types<2>();
-  types.add<Clock<2>>();
-  expect_same_map(read_map<2>(path_, types), map_with_clock());
+  types.add<ClockOffset<2>>();
+  expect_identical_map(read_map<2>(path_, types), map_with_clock());
 }
 
 TEST_F(NativeMap, TypesThatAreNotRegisteredAreNamed) {
@@ -206,7 +206,7 @@ TEST_F(NativeMap, TypesThatAreNotRegisteredAreNamed) {
 TEST_F(NativeMap, TypesThatChangedAreNamed) {
   write_map(path_, map_with_clock());
   KnownTypes<2> types = builtin_types<2>();
-  types.add<Clock<3>>();
+  types.add<ClockOffset<3>>();
   expect_input_error(
       [&] { read_map<2>(path_, types); },
       {"type 'clock' has dimension 2 and 2 numbers a value, in this program 3 and 3"});
@@ -327,7 +327,7 @@ TEST_F(NativeMap, UnknownSectionsArePassedOverUnlessRequired) {
   ++count;
   std::memcpy(file.data() + detail::kHeaderSize, &count, 8);
   store_sealed(file);
-  expect_same_map(read_map<2>(path_), map);
+  expect_identical_map(read_map<2>(path_), map);
 
   file[table_end + 8] = 1;
   store_sealed(file);

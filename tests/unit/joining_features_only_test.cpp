@@ -158,7 +158,7 @@ TYPED_TEST(FeaturesOnly, SpreadPointsCoverAllOfThem) {
 
 /// Two maps that disagree, with `common` points in both.
 template <int D>
-std::pair<Map<D>, Map<D>> two_maps(Dice& dice, int common, double noise) {
+std::pair<Map<D>, Map<D>> two_maps_of_points(Dice& dice, int common, double noise) {
   const Values<D> all = random_values<D>(dice, {}, ids(16 - common));
   const auto begin = static_cast<std::uint64_t>(8 - common);
   return {map_of(dice, noisy(dice, part_of(all, {}, ids(8)), noise), points_of<D>({0, 1, 2}),
@@ -173,7 +173,7 @@ TYPED_TEST(FeaturesOnly, PublishedJoinIsTheDenseFormulaInTheFrameOfCommonPoints)
   constexpr int D = TypeParam::value;
   for (const int common : {D, D + 2}) {
     Dice dice(5);
-    const auto pair = two_maps<D>(dice, common, 0.5);
+    const auto pair = two_maps_of_points<D>(dice, common, 0.5);
     const Map<D>& a = pair.first;
     const Map<D>& b = pair.second;
     const auto first = static_cast<std::uint64_t>(8 - common);
@@ -216,7 +216,7 @@ TYPED_TEST(FeaturesOnly, PublishedJoinIsTheDenseFormulaInTheFrameOfCommonPoints)
 TYPED_TEST(FeaturesOnly, PublishedJoinIsTheMinimiserOfItsObjective) {
   constexpr int D = TypeParam::value;
   Dice dice(6);
-  const auto pair = two_maps<D>(dice, D + 1, 0.5);
+  const auto pair = two_maps_of_points<D>(dice, D + 1, 0.5);
   const Map<D>& a = pair.first;
   const Map<D>& b = pair.second;
   const Map<D>* const maps[] = {&a, &b};
@@ -238,7 +238,7 @@ TYPED_TEST(FeaturesOnly, PublishedJoinIsTheMinimiserOfItsObjective) {
 TYPED_TEST(FeaturesOnly, PublishedJoinSaysWhatIsMissing) {
   constexpr int D = TypeParam::value;
   Dice dice(7);
-  auto pair = two_maps<D>(dice, D, 0.0);
+  auto pair = two_maps_of_points<D>(dice, D, 0.0);
   Map<D>& a = pair.first;
   Map<D>& b = pair.second;
   const auto complaint = [&](const Anchor<D>& anchor) {
@@ -264,7 +264,7 @@ TYPED_TEST(FeaturesOnly, PublishedJoinSaysWhatIsMissing) {
 /// Maps whose common points leave them free to turn: one in the plane, three on a line in space.
 template <int D>
 std::pair<Map<D>, Map<D>> loose_maps(Dice& dice) {
-  if constexpr (D == 2) return two_maps<2>(dice, 1, 0.0);
+  if constexpr (D == 2) return two_maps_of_points<2>(dice, 1, 0.0);
   ValuesBuilder<D> builder;
   for (std::uint64_t k = 0; k < 9; ++k) {
     builder.template add<PointType<D>>(
@@ -302,7 +302,7 @@ TYPED_TEST(FeaturesOnly, SummaryJoinsSayWhichPointsTheyWereSolvedIn) {
   constexpr int D = TypeParam::value;
   for (const Mode mode : {Mode::kSummary, Mode::kPaper}) {
     Dice dice(9);
-    const auto pair = two_maps<D>(dice, D + 2, kNoise);
+    const auto pair = two_maps_of_points<D>(dice, D + 2, kNoise);
     const Map<D>& a = pair.first;
     const Map<D>& b = pair.second;
     JoinOptions options;

@@ -35,7 +35,7 @@ struct Pair {
 /// Two maps of poses 0 to 4 and 4 to 8, each in the frame of its last pose or of the common one,
 /// with some features of both: the situation of section 4.
 template <int D>
-Pair<D> two_maps(Dice& dice, int common_features, double disagreement) {
+Pair<D> pair_of_maps(Dice& dice, int common_features, double disagreement) {
   Pair<D> out;
   out.truth = random_values<D>(dice, ids(9), ids(8 + common_features));
   std::vector<std::uint64_t> first = ids(4), second = ids(4, 4);
@@ -94,7 +94,7 @@ TYPED_TEST(JoinAsPublished, IsTheNonlinearOptimumForOneCommonPose) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     SCOPED_TRACE(seed);
     Dice dice(seed);
-    compare(two_maps<D>(dice, 0, 0.1), 0.03, dice);
+    compare(pair_of_maps<D>(dice, 0, 0.1), 0.03, dice);
   }
 }
 
@@ -103,7 +103,7 @@ TYPED_TEST(JoinAsPublished, IsTheNonlinearOptimumForOneCommonPoseAndFeatures) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     SCOPED_TRACE(seed);
     Dice dice(seed);
-    compare(two_maps<D>(dice, 3, 0.1), 0.03, dice);
+    compare(pair_of_maps<D>(dice, 3, 0.1), 0.03, dice);
   }
 }
 
@@ -112,7 +112,7 @@ TYPED_TEST(JoinAsPublished, IsTheNonlinearOptimumForFeaturesThatContradictEachOt
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     SCOPED_TRACE(seed);
     Dice dice(seed);
-    Pair<D> pair = two_maps<D>(dice, 4, 0.0);
+    Pair<D> pair = pair_of_maps<D>(dice, 4, 0.0);
     // By metres: still exact, since all of it is linear as long as no rotation wraps.
     Values<D> x = pair.second.values;
     for (int i = 0; i < x.size(); ++i) {
@@ -128,7 +128,7 @@ TYPED_TEST(JoinAsPublished, IsTheNonlinearOptimumForFeaturesThatContradictEachOt
 TYPED_TEST(JoinAsPublished, IsInTheFrameOfTheCommonPoseAndGaugeFree) {
   constexpr int D = TypeParam::value;
   Dice dice(7);
-  const Pair<D> pair = two_maps<D>(dice, 2, 0.1);
+  const Pair<D> pair = pair_of_maps<D>(dice, 2, 0.1);
   const Map<D> joined = join_as_published(pair.first, pair.second, pose_key(kCommon));
   EXPECT_EQ(joined.anchor, pose_anchor<D>(pose_key(kCommon)));
   EXPECT_EQ(joined.solved_in, joined.anchor);
@@ -140,7 +140,7 @@ TYPED_TEST(JoinAsPublished, IsInTheFrameOfTheCommonPoseAndGaugeFree) {
 TYPED_TEST(JoinAsPublished, NeedsThePoseInBothMaps) {
   constexpr int D = TypeParam::value;
   Dice dice(8);
-  const Pair<D> pair = two_maps<D>(dice, 2, 0.1);
+  const Pair<D> pair = pair_of_maps<D>(dice, 2, 0.1);
   EXPECT_THAT(complaint_of<DisconnectedError>(
                   [&] { (void)join_as_published(pair.first, pair.second, pose_key(2)); }),
               ::testing::HasSubstr("pose:2"));

@@ -24,7 +24,7 @@ using Dimensions = ::testing::Types<std::integral_constant<int, 2>, std::integra
 TYPED_TEST_SUITE(JoinMaps, Dimensions);
 
 template <int D>
-void expect_same_map(const Map<D>& a, const Map<D>& b, double tolerance) {
+void expect_close_maps(const Map<D>& a, const Map<D>& b, double tolerance) {
   ASSERT_EQ(a.variables(), b.variables());
   EXPECT_LT(distance(a.values, b.values), tolerance);
   EXPECT_LT(relative_distance(a.information.dense(), b.information.dense()), tolerance);
@@ -146,10 +146,10 @@ TYPED_TEST(JoinMaps, DoesNotDependOnTheOrderWhenTheyAgree) {
     const Map<D> all = change_frame(solve(merge<D>(maps)), anchor);
     const Map<D> left = join(join(maps[0], maps[1]), maps[2]);
     const Map<D> right = join(maps[2], join(maps[1], maps[0]));
-    expect_same_map(change_frame(left, anchor), all, 1e-8);
-    expect_same_map(change_frame(right, anchor), all, 1e-8);
+    expect_close_maps(change_frame(left, anchor), all, 1e-8);
+    expect_close_maps(change_frame(right, anchor), all, 1e-8);
     std::swap(maps[0], maps[2]);
-    expect_same_map(change_frame(solve(merge<D>(maps)), anchor), all, 1e-8);
+    expect_close_maps(change_frame(solve(merge<D>(maps)), anchor), all, 1e-8);
   }
 }
 
@@ -165,7 +165,7 @@ TYPED_TEST(JoinMaps, DoesNotDependOnTheFramesTheyComeIn) {
       const Map<D> first = change_frame(maps[0], pose_anchor<D>(pose_key(at)));
       const Map<D> second = change_frame(maps[1], pose_anchor<D>(pose_key(7 - at)));
       EXPECT_EQ(join(first, second).anchor, first.anchor);
-      expect_same_map(change_frame(join(first, second), anchor), joined, 1e-8);
+      expect_close_maps(change_frame(join(first, second), anchor), joined, 1e-8);
     }
   }
 }
@@ -257,7 +257,7 @@ TYPED_TEST(JoinMaps, ALocalMapAsAMapIsTheMapItWas) {
     const Map<D> map = random_map<D>(dice, ids(5), ids(4), 3);
     const Map<D> back = to_map(as_local_map(map));
     EXPECT_EQ(back.anchor, map.anchor);
-    expect_same_map(back, map, 1e-11);
+    expect_close_maps(back, map, 1e-11);
   }
 }
 

@@ -27,7 +27,7 @@ using Dimensions = ::testing::Types<std::integral_constant<int, 2>, std::integra
 TYPED_TEST_SUITE(JoinGraph, Dimensions);
 
 /// Small leaves and narrow joins, so that small graphs have trees.
-JoinOptions small_leaves(Mode mode = Mode::kOptimal) {
+JoinOptions small_joins(Mode mode = Mode::kOptimal) {
   JoinOptions out;
   out.mode = mode;
   out.leaf_variables = 10;
@@ -70,14 +70,14 @@ TYPED_TEST(JoinGraph, FindsTheOptimumByEveryTreeAndStrategy) {
     const Values<D> best = optimum(sample.graph, sample.truth);
     for (const TreeShape tree : {TreeShape::kGraph, TreeShape::kOrder}) {
       for (const Strategy strategy : {Strategy::kDivideAndConquer, Strategy::kSequential}) {
-        JoinOptions options = small_leaves();
+        JoinOptions options = small_joins();
         options.tree = tree;
         options.strategy = strategy;
         expect_optimum(sample.graph, best, join_all(sample.graph, options));
       }
     }
     JoinOptions wide;
-    wide.refine_tolerance = small_leaves().refine_tolerance;
+    wide.refine_tolerance = small_joins().refine_tolerance;
     expect_optimum(sample.graph, best, join_all(sample.graph, wide));
     const double least = CeresReference<D>(sample.graph).chi2(best);
     EXPECT_NEAR(join_all(sample.graph).report.chi2, least, 1e-6 * least);  // as it comes
@@ -89,7 +89,7 @@ void check_world(World world, std::int64_t poses) {
   SimulationOptions simulation = simulation_defaults(world);
   simulation.poses = poses;
   const Simulation<D> sample = simulate<D>(simulation);
-  const JoinResult<D> result = join_all(sample.graph, small_leaves());
+  const JoinResult<D> result = join_all(sample.graph, small_joins());
   expect_optimum(sample.graph, optimum(sample.graph, sample.truth), result);
   // chi2 of an optimum is about the number of residuals less unknowns.
   const double freedom =
@@ -113,7 +113,7 @@ TYPED_TEST(JoinGraph, FindsTheTruthInExactMeasurementsWithoutRefining) {
   Values<D> truth = sample.truth;
   truth.transform(truth.pose(pose_key(0)).inverse());
   for (const Mode mode : {Mode::kObserve, Mode::kSummary, Mode::kPaper, Mode::kOptimal}) {
-    const JoinResult<D> result = join_all(sample.graph, small_leaves(mode));
+    const JoinResult<D> result = join_all(sample.graph, small_joins(mode));
     ASSERT_EQ(result.maps.size(), 1U);
     EXPECT_LT(distance(result.maps[0].values, truth), 1e-9);
     EXPECT_LT(result.report.chi2, 1e-12);
@@ -144,7 +144,7 @@ TYPED_TEST(JoinGraph, GivesTheSameBitsOnAnyNumberOfThreads) {
   const auto sample =
       random_graph<D>(dice, {.poses = 300, .points = 150, .closures = 80, .noise = 0.03});
   for (const Mode mode : {Mode::kOptimal, Mode::kObserve, Mode::kSummary, Mode::kPaper}) {
-    JoinOptions options = small_leaves(mode);
+    JoinOptions options = small_joins(mode);
     const JoinResult<D> one = join_all(sample.graph, options);
     for (const int threads : {2, 3}) {
       options.threads = threads;
@@ -187,7 +187,7 @@ TYPED_TEST(JoinGraph, DoesNotDependOnNamesOrOrder) {
   Dice dice(6);
   const auto sample =
       random_graph<D>(dice, {.poses = 120, .points = 50, .closures = 40, .noise = 0.05});
-  JoinOptions options = small_leaves();
+  JoinOptions options = small_joins();
   options.refine_tolerance = 1e-13;
   const JoinResult<D> plain = join_all(sample.graph, options);
   constexpr double kLeft = 1e-6;  // m, of what both refinements leave
@@ -211,7 +211,7 @@ TYPED_TEST(JoinGraph, GivesTheInformationAtItsValues) {
   Dice dice(7);
   const auto sample = random_graph<D>(dice, {.poses = 30, .points = 15, .noise = 0.05});
   for (const Mode mode : {Mode::kObserve, Mode::kOptimal}) {
-    const Map<D> map = join_all(sample.graph, small_leaves(mode)).maps.at(0);
+    const Map<D> map = join_all(sample.graph, small_joins(mode)).maps.at(0);
     const auto expected = CeresReference<D>(sample.graph).normal_equations(map.values);
     EXPECT_LT(relative_distance(map.information.dense(), expected.H), 1e-8);
     ASSERT_NE(map.observations, nullptr);
@@ -241,7 +241,7 @@ TYPED_TEST(JoinGraph, JoinsLocalMapsThatCoupleTheirVariables) {
     std::vector<int> numbers = numbers_in(graph.variables, world.truth.variables());
     const Values<D> best = optimum(graph, subset(world.truth, numbers));
     for (const TreeShape tree : {TreeShape::kGraph, TreeShape::kOrder}) {
-      JoinOptions options = small_leaves();
+      JoinOptions options = small_joins();
       options.tree = tree;
       const auto result = join_all<D>(std::span<const LocalMap<D>>(maps), options);
       expect_optimum(graph, best, result);
@@ -258,7 +258,7 @@ TYPED_TEST(JoinGraph, CarriesSummariesAlongInTheOtherModes) {
   const Values<D> best = optimum(sample.graph, sample.truth);
   const double chi2_best = CeresReference<D>(sample.graph).chi2(best);
   for (const Mode mode : {Mode::kSummary, Mode::kPaper, Mode::kObserve}) {
-    const JoinResult<D> result = join_all(sample.graph, small_leaves(mode));
+    const JoinResult<D> result = join_all(sample.graph, small_joins(mode));
     ASSERT_EQ(result.maps.size(), 1U);
     EXPECT_GE(result.report.chi2, chi2_best * (1 - 1e-9)) << "below the optimum";
     EXPECT_LT(result.report.chi2, 1.5 * chi2_best);

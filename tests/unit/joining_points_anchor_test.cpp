@@ -32,7 +32,7 @@ class JoinInPoints : public ::testing::Test {};
 using Dimensions = ::testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 3>>;
 TYPED_TEST_SUITE(JoinInPoints, Dimensions);
 
-constexpr double kNoise = 0.02;
+constexpr double kPointNoise = 0.02;
 
 JoinOptions leaves_of_eight(Mode mode, TreeShape tree = TreeShape::kGraph) {
   JoinOptions out;
@@ -85,7 +85,7 @@ TYPED_TEST(JoinInPoints, FindsTheOptimumOfCeres) {
     Dice dice(seed);
     Values<D> truth = random_values<D>(dice, ids(11), ids(20));
     truth.transform(truth.pose(pose_key(0)).inverse());
-    const auto maps = local_maps<D>(dice, truth, 5, true, seed % 2 == 0, kNoise);
+    const auto maps = local_maps<D>(dice, truth, 5, true, seed % 2 == 0, kPointNoise);
     const auto reference = reference_of(maps);
     const Values<D> best = reference.minimise(truth, pose_key(0));
     const double chi2_best = reference.chi2(best);
@@ -98,7 +98,7 @@ TYPED_TEST(JoinInPoints, FindsTheOptimumOfCeres) {
       EXPECT_EQ(optimal.maps[0].anchor, pose_anchor<D>(pose_key(0)));
       const JoinResult<D> observed = join_all_of(maps, leaves_of_eight(Mode::kObserve, tree));
       ASSERT_EQ(observed.maps.size(), 1U);
-      EXPECT_LT(distance(observed.maps[0].values, best), 0.1 * kNoise);
+      EXPECT_LT(distance(observed.maps[0].values, best), 0.1 * kPointNoise);
       EXPECT_NEAR(reference.chi2(observed.maps[0].values), observed.report.chi2, 1e-6 * chi2_best);
     }
   }
@@ -110,7 +110,7 @@ TYPED_TEST(JoinInPoints, InformationIsThatOfDenseLeastSquares) {
   Dice dice(5);
   Values<D> truth = random_values<D>(dice, ids(7), ids(14));
   truth.transform(truth.pose(pose_key(0)).inverse());
-  const auto maps = local_maps<D>(dice, truth, 3, true, false, kNoise);
+  const auto maps = local_maps<D>(dice, truth, 3, true, false, kPointNoise);
   const JoinResult<D> result = join_all_of(maps, leaves_of_eight(Mode::kObserve));
   const Map<D>& map = result.maps.at(0);
   const auto expected = reference_of(maps).normal_equations(map.values);
@@ -123,7 +123,7 @@ TYPED_TEST(JoinInPoints, WithoutPosesEndsWhereTheGradientVanishes) {
     SCOPED_TRACE(seed);
     Dice dice(seed);
     const Values<D> truth = random_values<D>(dice, {}, ids(20));
-    const auto maps = local_maps<D>(dice, truth, 5, false, false, kNoise);
+    const auto maps = local_maps<D>(dice, truth, 5, false, false, kPointNoise);
     const auto reference = reference_of(maps);
     for (const TreeShape tree : {TreeShape::kGraph, TreeShape::kOrder}) {
       const JoinResult<D> result = join_all_of(maps, leaves_of_eight(Mode::kOptimal, tree));
@@ -184,7 +184,7 @@ TYPED_TEST(JoinInPoints, ALocalMapAsAMapIsItsInformationCompleted) {
   for (const bool with_poses : {true, false}) {
     Dice dice(8);
     const Values<D> truth = random_values<D>(dice, ids(11), ids(20));
-    const LocalMap<D> given = local_maps<D>(dice, truth, 1, with_poses, false, kNoise)[0];
+    const LocalMap<D> given = local_maps<D>(dice, truth, 1, with_poses, false, kPointNoise)[0];
     const Map<D> map = to_map(given);
     EXPECT_EQ(map.anchor, given.anchor);
     const LocalMap<D> back = as_local_map(map);
@@ -216,7 +216,7 @@ TYPED_TEST(JoinInPoints, RefusesValuesThatAreNotInTheirFrame) {
   constexpr int D = TypeParam::value;
   Dice dice(9);
   const Values<D> truth = random_values<D>(dice, ids(11), ids(20));
-  const LocalMap<D> good = local_maps<D>(dice, truth, 1, true, false, kNoise)[0];
+  const LocalMap<D> good = local_maps<D>(dice, truth, 1, true, false, kPointNoise)[0];
   const auto complaint = [](const LocalMap<D>& map) {
     return complaint_of<Error>([&] {
       MeasurementGraphBuilder<D> builder;
@@ -274,9 +274,9 @@ TYPED_TEST(JoinInPoints, TheJoinIsOneDenseLeastSquaresSolve) {
   constexpr int D = TypeParam::value;
   Dice dice(11);
   const Values<D> all = random_values<D>(dice, {}, ids(12));
-  const Map<D> a =
-      map_of(dice, noisy(dice, part_of(all, {}, ids(9)), kNoise), points_of<D>({4, 7, 5}), 100.0);
-  const Map<D> b = map_of(dice, noisy(dice, part_of(all, {}, ids(8, 4)), kNoise),
+  const Map<D> a = map_of(dice, noisy(dice, part_of(all, {}, ids(9)), kPointNoise),
+                          points_of<D>({4, 7, 5}), 100.0);
+  const Map<D> b = map_of(dice, noisy(dice, part_of(all, {}, ids(8, 4)), kPointNoise),
                           points_of<D>({8, 6, 9}), 100.0);
   const Merge<D> merged = merge<D>({a, b});
   const Eigen::MatrixXd N = merged.equations.normal_matrix().dense();
@@ -302,7 +302,7 @@ TYPED_TEST(JoinInPoints, NativeMapsKeepFramesAndObservations) {
   constexpr int D = TypeParam::value;
   Dice dice(12);
   const Values<D> truth = random_values<D>(dice, ids(11), ids(20));
-  const auto maps = local_maps<D>(dice, truth, 5, true, true, kNoise);
+  const auto maps = local_maps<D>(dice, truth, 5, true, true, kPointNoise);
   JoinResult<D> result = join_all_of(maps, leaves_of_eight(Mode::kOptimal));
   const Map<D> map = change_frame(result.maps.at(0), points_of<D>({1, 9, 15}));
   const TemporaryDirectory scratch;
@@ -329,7 +329,7 @@ TYPED_TEST(JoinInPoints, MapsWithoutObservationsJoinInAnyFrame) {
   std::vector<Map<D>> maps, elsewhere;
   for (std::uint64_t k = 0; k < 3; ++k) {
     const Values<D> part = part_of(all, ids(3, k), ids(8, 3 * k));
-    maps.push_back(map_of(dice, noisy(dice, part, kNoise),
+    maps.push_back(map_of(dice, noisy(dice, part, kPointNoise),
                           points_of<D>({3 * k, 3 * k + 7, 3 * k + 4}), 100.0));
     elsewhere.push_back(change_frame(maps.back(), pose_anchor<D>(pose_key(k + 1))));
     elsewhere.back().solved_in = maps.back().solved_in;

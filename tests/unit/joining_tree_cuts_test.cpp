@@ -32,8 +32,8 @@ std::vector<std::int64_t> sizes(int leaf, int arity, const CliqueProblem& proble
   return submap_sizes(options, static_cast<std::int64_t>(problem.dims().size()));
 }
 
-struct Sample {
-  explicit Sample(const CliqueProblem& problem, int leaf, int arity, int threads = 1)
+struct SampleOfCuts {
+  explicit SampleOfCuts(const CliqueProblem& problem, int leaf, int arity, int threads = 1)
       : observations(problem.cliques().size()),
         structure(analyze(problem.dims(), problem.cliques(),
                           order_blocks(problem.dims(), problem.cliques()))),
@@ -45,8 +45,8 @@ struct Sample {
   CutPlan plan;
 };
 
-std::vector<Sample> samples() {
-  std::vector<Sample> out;
+std::vector<SampleOfCuts> samples() {
+  std::vector<SampleOfCuts> out;
   for (const int leaf : {4, 32, 100000}) {
     out.emplace_back(line(1500), leaf, 16);
     out.emplace_back(testing_support::grid_problem(25, 25, 3), leaf, 4);
@@ -55,7 +55,7 @@ std::vector<Sample> samples() {
 }
 
 TEST(TreeCuts, HaveEveryObservationOnce) {
-  for (const Sample& s : samples()) {
+  for (const SampleOfCuts& s : samples()) {
     std::vector<std::int64_t> all;
     for (const Cut& cut : s.cuts) {
       for (const auto& group : cut.groups) {
@@ -71,7 +71,7 @@ TEST(TreeCuts, HaveEveryObservationOnce) {
 }
 
 TEST(TreeCuts, AreSubtreesWithinTheSubtreeOfTheirParent) {
-  for (const Sample& s : samples()) {
+  for (const SampleOfCuts& s : samples()) {
     for (std::size_t c = 0; c < s.cuts.size(); ++c) {
       const Cut& cut = s.cuts[c];
       for (std::int32_t f = cut.first; f < cut.root; ++f) {
@@ -92,7 +92,7 @@ TEST(TreeCuts, AreSubtreesWithinTheSubtreeOfTheirParent) {
 
 TEST(TreeCuts, ArePlannedWithEveryGroupOnceBeforeWhatJoinsIt) {
   int with_leaves = 0;
-  for (const Sample& s : samples()) {
+  for (const SampleOfCuts& s : samples()) {
     ASSERT_EQ(s.plan.tasks.size(), s.plan.forest.size());
     std::vector<std::size_t> next(s.cuts.size(), 0);
     std::vector<int> leaves(s.cuts.size(), 0);
@@ -128,11 +128,11 @@ TEST(TreeCuts, ArePlannedWithEveryGroupOnceBeforeWhatJoinsIt) {
 
 // Where one cut has most of the work, no thread should be alone with it.
 TEST(TreeCuts, OfMoreThanTheirShareAreDoneByAllThreadsTogether) {
-  const Sample alone(testing_support::grid_problem(40, 40, 3), 16, 8, 1);
+  const SampleOfCuts alone(testing_support::grid_problem(40, 40, 3), 16, 8, 1);
   EXPECT_EQ(std::ranges::count(alone.plan.together, 1), 0);
   std::ptrdiff_t before = 0;
   for (const int threads : {2, 8}) {
-    const Sample s(testing_support::grid_problem(40, 40, 3), 16, 8, threads);
+    const SampleOfCuts s(testing_support::grid_problem(40, 40, 3), 16, 8, threads);
     ASSERT_EQ(s.plan.together.size(), s.plan.tasks.size());
     const auto together = std::ranges::count(s.plan.together, 1);
     EXPECT_GT(together, before);  // shares are smaller

@@ -18,7 +18,7 @@ namespace {
 
 using namespace test;  // NOLINT
 
-const Mode kModes[] = {Mode::kPaper, Mode::kSummary, Mode::kObserve, Mode::kOptimal};
+const Mode kEveryMode[] = {Mode::kPaper, Mode::kSummary, Mode::kObserve, Mode::kOptimal};
 
 JoinOptions small_leaves_in(Mode mode) {
   JoinOptions out;
@@ -66,7 +66,7 @@ TEST(JoinWhatUsersAdd, VariablesOfAUsersTypes) {
   }
   builder.add<BiasType<2>>(pose_key(4), key("bias", 1), Vec<1>(0.25), Mat<1, 1>(4.0));
   const auto graph = std::move(builder).build();
-  for (const Mode mode : kModes) {
+  for (const Mode mode : kEveryMode) {
     const Map<2> map = join_all(graph, small_leaves_in(mode)).maps.at(0);
     const Rigid2 T = sample.truth.pose(pose_key(0)).inverse();
     for (std::uint64_t w = 0; w < 6; ++w) {

@@ -12,14 +12,14 @@ namespace mapjoin {
 namespace {
 
 template <int D>
-Simulation<D> world(World world, int poses) {
+Simulation<D> simulated(World world, int poses) {
   SimulationOptions options = simulation_defaults(world);
   options.poses = poses;
   return simulate<D>(options);
 }
 
 TEST(ManyFrames, LeaveAMapAsItWas) {
-  const Simulation<3> sphere = world<3>(World::kSphere, 20);
+  const Simulation<3> sphere = simulated<3>(World::kSphere, 20);
   Map<3> map = join_all(sphere.graph).maps.at(0);
   const Map<3> first = map;
   for (std::uint64_t k = 1; k <= 1000; ++k) {
@@ -32,7 +32,7 @@ TEST(ManyFrames, LeaveAMapAsItWas) {
 }
 
 TEST(ManyFrames, LeaveInformationGaugeFreeThroughJoinsAsPublished) {
-  const Simulation<2> drive = world<2>(World::kManhattan, 200);
+  const Simulation<2> drive = simulated<2>(World::kManhattan, 200);
   const auto step = [&](std::uint64_t k) {  // the map of pose k and k + 1
     MeasurementGraphBuilder<2> builder;
     const Rigid2 between =
