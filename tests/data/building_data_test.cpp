@@ -12,7 +12,6 @@
 #include "tests/support/beacons.h"
 #include "tests/support/data.h"
 #include "tests/support/data_sets.h"
-#include "tests/support/runs.h"
 
 namespace mapjoin::test {
 namespace {
@@ -31,8 +30,6 @@ TEST_P(BuiltFrom, ItsMeasurementsEndsInOneOptimum) {
         for (const double n : {1.0, 5.0, 50.0, 200.0}) {
           const Segmentation segments = segment(log, {By::kMaps, n});
           for (const Builder builder : {Builder::kNonlinear, Builder::kFilter}) {
-            // One filter of thousands of poses in space takes most of a minute.
-            if (D == 3 && n == 1.0 && builder == Builder::kFilter && !all_runs()) continue;
             for (const LocalFrame frame :
                  {LocalFrame::kStart, LocalFrame::kEnd, LocalFrame::kFeatures}) {
               if (frame == LocalFrame::kFeatures && !features) continue;

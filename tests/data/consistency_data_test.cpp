@@ -13,6 +13,7 @@
 #include "mapjoin/solvers/sparse_cholesky.h"
 #include "tests/support/beacons.h"
 #include "tests/support/data_sets.h"
+#include "tests/support/modes.h"
 
 namespace mapjoin::test {
 namespace {
@@ -39,7 +40,7 @@ TEST_P(Nees, IsThatOfThePaperInPaperModeAndConsistentInTheOthers) {
   const auto problem = load(set);
   const auto truth = true_beacons(row.world);
   if (!problem || !truth) GTEST_SKIP() << missing(set);
-  for (const Mode mode : {Mode::kPaper, Mode::kSummary, Mode::kObserve, Mode::kOptimal}) {
+  for (const Mode mode : kModes) {
     JoinOptions options;
     options.mode = mode;
     if (mode == Mode::kPaper) options.tree = TreeShape::kOrder;

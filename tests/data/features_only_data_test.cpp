@@ -14,6 +14,7 @@
 #include "mapjoin/solvers/marginalize.h"
 #include "tests/support/beacons.h"
 #include "tests/support/data_sets.h"
+#include "tests/support/modes.h"
 
 namespace mapjoin::test {
 namespace {
@@ -109,7 +110,7 @@ TEST_P(NeesOfFeatures, IsConsistentInEveryMode) {
   if (!problem || !truth) GTEST_SKIP() << missing(set);
   const auto features =
       features_only(std::span<const LocalMap<2>>(std::get<Problem<2>>(*problem).local_maps));
-  for (const Mode mode : {Mode::kPaper, Mode::kSummary, Mode::kObserve, Mode::kOptimal}) {
+  for (const Mode mode : kModes) {
     const Consistency c = consistency(join_features(features, mode).maps.at(0), *truth);
     EXPECT_EQ(c.dimension, world.dimension);
     EXPECT_LE(c.nees, c.one_sided);

@@ -18,6 +18,7 @@
 #include "mapjoin/joining/join_all.h"
 #include "mapjoin/joining/refine.h"
 #include "tests/support/ceres_reference.h"
+#include "tests/support/modes.h"
 #include "tests/support/random_maps.h"
 
 namespace mapjoin {
@@ -30,16 +31,6 @@ template <class T>
 class JoinAll : public ::testing::Test {};
 using Dimensions = ::testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 3>>;
 TYPED_TEST_SUITE(JoinAll, Dimensions);
-
-const Mode kModes[] = {Mode::kPaper, Mode::kSummary, Mode::kObserve, Mode::kOptimal};
-
-JoinOptions small_leaves(Mode mode = Mode::kOptimal) {
-  JoinOptions out;
-  out.mode = mode;
-  out.leaf_variables = 10;
-  out.arity = 4;
-  return out;
-}
 
 /// A graph with every id raised, or in another session.
 template <int D>
@@ -360,14 +351,15 @@ TEST(Refinement, CorrectsALargeStepInsteadOfAnotherFactorization) {
   RecordProperty("without", without);
 }
 
-/// Two solves from `far` beside the truth of a small world, in units of its headings' errors, then
-/// what refine makes of the second one's factor.
+/// What refine makes of the factor of a solve.
 struct Refined {
-  double promised = 0.0;  ///< by the second solve, as a part of the chi2 it leads to
+  double promised = 0.0;  ///< by the solve, as a part of the chi2 it leads to
   RefineResult result;
   double above = 0.0;  ///< the minimum, as a part of it
 };
 
+/// Two solves of a small world, the second of which is refined. They begin beside its truth, least
+/// to most standard deviations of a heading's error away.
 Refined refine_from_beside_the_truth(std::uint64_t seed, double noise, double least, double most) {
   SimulationOptions world = simulation_defaults(World::kManhattan);
   world.poses = 400;

@@ -21,6 +21,7 @@
 #include "mapjoin/solvers/marginalize.h"
 #include "tests/support/ceres_reference.h"
 #include "tests/support/dense.h"
+#include "tests/support/modes.h"
 #include "tests/support/random_maps.h"
 
 namespace mapjoin {
@@ -290,7 +291,7 @@ TYPED_TEST(FeaturesOnly, MapsWithOneCommonFeatureOrThreeOnALineAreNotJoined) {
                     HasSubstr(D == 2 ? ": point:7;" : ": point:0 point:1 point:2;"),
                     HasSubstr(D == 2 ? "two common points" : "not on one line")));
   const std::vector<Map<D>> maps{a, b};
-  for (const Mode mode : {Mode::kPaper, Mode::kSummary, Mode::kObserve, Mode::kOptimal}) {
+  for (const Mode mode : kModes) {
     JoinOptions options;
     options.mode = mode;
     EXPECT_EQ(join_all(std::span<const Map<D>>(maps), {}, options).maps.size(), 2U)
@@ -411,7 +412,7 @@ TYPED_TEST(FeaturesOnly, ExactMapsGiveTheTruthInEveryModeAndStrategy) {
   const Values<D> truth = world<D>(dice);
   const auto maps = pose_feature_maps<D>(dice, truth, 5, {8, 3 + D - 1, 8, 8, 8}, 0.0);
   const FeatureOnlyMaps<D> features = features_only(std::span<const LocalMap<D>>(maps));
-  for (const Mode mode : {Mode::kPaper, Mode::kSummary, Mode::kObserve, Mode::kOptimal}) {
+  for (const Mode mode : kModes) {
     for (const Strategy strategy : {Strategy::kDivideAndConquer, Strategy::kSequential}) {
       JoinOptions options;
       options.mode = mode;

@@ -14,6 +14,7 @@
 #include "mapjoin/graph/symmetric.h"
 #include "mapjoin/joining/join_all.h"
 #include "tests/support/ceres_reference.h"
+#include "tests/support/modes.h"
 #include "tests/support/random_maps.h"
 
 namespace mapjoin {
@@ -26,12 +27,8 @@ class JoinGraph : public ::testing::Test {};
 using Dimensions = ::testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 3>>;
 TYPED_TEST_SUITE(JoinGraph, Dimensions);
 
-/// Small leaves and narrow joins, so that small graphs have trees.
 JoinOptions small_joins(Mode mode = Mode::kOptimal) {
-  JoinOptions out;
-  out.mode = mode;
-  out.leaf_variables = 10;
-  out.arity = 4;
+  JoinOptions out = small_leaves(mode);
   out.refine_tolerance = 2e-8;  // what the bounds here go by
   return out;
 }

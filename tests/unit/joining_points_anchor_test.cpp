@@ -18,6 +18,7 @@
 #include "mapjoin/joining/join_all.h"
 #include "tests/support/ceres_reference.h"
 #include "tests/support/dense.h"
+#include "tests/support/modes.h"
 #include "tests/support/program.h"
 #include "tests/support/random_maps.h"
 
@@ -152,7 +153,7 @@ TYPED_TEST(JoinInPoints, ExactMapsGiveTheTruthInEveryMode) {
     Dice dice(6);
     Values<D> truth = random_values<D>(dice, with_poses ? ids(11) : ids(0), ids(20));
     const auto maps = local_maps<D>(dice, truth, 5, with_poses, false, 0.0);
-    for (const Mode mode : {Mode::kPaper, Mode::kSummary, Mode::kObserve, Mode::kOptimal}) {
+    for (const Mode mode : kModes) {
       const JoinResult<D> result = join_all_of(maps, leaves_of_eight(mode));
       ASSERT_EQ(result.maps.size(), 1U);
       truth.transform(motion_into(result.maps[0].anchor, truth));

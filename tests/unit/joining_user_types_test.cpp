@@ -10,6 +10,7 @@
 #include "examples/plane3.h"
 #include "mapjoin/joining/join.h"
 #include "mapjoin/joining/join_all.h"
+#include "tests/support/modes.h"
 #include "tests/support/random_maps.h"
 #include "tests/support/user_types.h"
 
@@ -17,16 +18,6 @@ namespace mapjoin {
 namespace {
 
 using namespace test;  // NOLINT
-
-const Mode kEveryMode[] = {Mode::kPaper, Mode::kSummary, Mode::kObserve, Mode::kOptimal};
-
-JoinOptions small_leaves_in(Mode mode) {
-  JoinOptions out;
-  out.mode = mode;
-  out.leaf_variables = 10;
-  out.arity = 4;
-  return out;
-}
 
 TEST(JoinWhatUsersAdd, MapsInFramesOfFeatures) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
@@ -41,7 +32,7 @@ TEST(JoinWhatUsersAdd, MapsInFramesOfFeatures) {
     truth.transform(truth.pose(pose_key(0)).inverse());
     for (const Mode mode : {Mode::kSummary, Mode::kObserve, Mode::kOptimal}) {
       const JoinResult<2> result =
-          join_all<2>(std::span<const Map<2>>(maps), {}, small_leaves_in(mode));
+          join_all<2>(std::span<const Map<2>>(maps), {}, small_leaves(mode));
       ASSERT_EQ(result.maps.size(), 1U);
       ASSERT_EQ(result.maps[0].variables(), truth.variables());
       EXPECT_LT(distance(result.maps[0].values, truth), 1e-8);
@@ -66,8 +57,8 @@ TEST(JoinWhatUsersAdd, VariablesOfAUsersTypes) {
   }
   builder.add<BiasType<2>>(pose_key(4), key("bias", 1), Vec<1>(0.25), Mat<1, 1>(4.0));
   const auto graph = std::move(builder).build();
-  for (const Mode mode : kEveryMode) {
-    const Map<2> map = join_all(graph, small_leaves_in(mode)).maps.at(0);
+  for (const Mode mode : kModes) {
+    const Map<2> map = join_all(graph, small_leaves(mode)).maps.at(0);
     const Rigid2 T = sample.truth.pose(pose_key(0)).inverse();
     for (std::uint64_t w = 0; w < 6; ++w) {
       const auto expected = Wall::transform<double>(T, walls[w]);
@@ -129,10 +120,10 @@ void expect_joins(const TwoDrives<T>& drives) {
   EXPECT_LT(distance(join(maps[0], maps[1]).values, drives.truth), 1e-8);
   for (const Mode mode : {Mode::kSummary, Mode::kObserve, Mode::kOptimal}) {
     const JoinResult<D> of_maps =
-        join_all<D>(std::span<const Map<D>>(maps), {}, small_leaves_in(mode));
+        join_all<D>(std::span<const Map<D>>(maps), {}, small_leaves(mode));
     ASSERT_EQ(of_maps.maps.size(), 1U);
     EXPECT_LT(distance(of_maps.maps[0].values, drives.truth), 1e-8);
-    const JoinResult<D> of_graph = join_all(drives.graph(), small_leaves_in(mode));
+    const JoinResult<D> of_graph = join_all(drives.graph(), small_leaves(mode));
     ASSERT_EQ(of_graph.maps.size(), 1U);
     EXPECT_LT(distance(of_graph.maps[0].values, drives.truth), 1e-8);
   }
