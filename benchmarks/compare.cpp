@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <deque>
 #include <fstream>
 
 #include "benchmarks/goals.h"
@@ -29,10 +30,11 @@ the two things that they can be compared with on the same machine:
                       long as two and a half linear solves.
   Ceres               the same problem from a spanning tree, stopped as soon as it is near enough.
 
-Everything is run in turn, round by round, and medians are printed: a busy machine then disturbs all
-alike. Who is quick runs many times in a round: one run of a millisecond says as much about where the
-system happened to put its threads as about the work. For figures to be kept, run on an idle one. With one thread everything stays on one processor
-and BLAS has one thread too.)";
+Everything is run in turn, round by round, all data sets in each, and medians are printed: a machine
+that is busy for some minutes then costs everybody a round and nobody all. Who is quick runs many
+times in a round: one run of a millisecond says as much about where the system happened to put its
+threads as about the work. For figures to be kept, run on an idle one. With one thread everything
+stays on one processor and BLAS has one thread too.)";
 
 constexpr const char* kExamples = R"(Worlds: manhattan, sphere, grid3d, landmarks2d, landmarks3d
 
@@ -94,24 +96,46 @@ void write(const std::string& path, const std::string& text) {
   if (!file) throw FileError(fmt::format("cannot write {}", path));
 }
 
-int run(const Arguments& a) {
+/// What was measured.
+struct Figures {
   std::vector<Comparison> comparisons;
-  const auto take = [&](const AnyProblem& problem) {
-    comparisons.push_back(compare(problem, a.options));
-    const Comparison& c = comparisons.back();
-    fmt::print(stderr, "{}: {} times one factorisation{}\n", c.name,
-               fmt::format("{:.2f}", c.threads.front().ratio()),
-               c.reached() ? "" : ", but NOT at the optimum");
-  };
-  for (const std::string& path : a.inputs) take(read_problem(path));
-  for (const std::string& world : a.worlds) take(simulate_problem(world, a.seed));
   std::vector<Growth> growths;
-  for (const std::string& world : a.growths)
-    growths.push_back(measure_growth(world, a.seed, a.options));
-  if (comparisons.empty() && growths.empty()) {
+};
+
+/// Rounds of all data sets and worlds take turns.
+Figures measure(const Arguments& a) {
+  std::deque<ComparisonRace> races;
+  std::deque<GrowthRace> growing;
+  const auto enter = [&](AnyProblem problem) {
+    races.emplace_back(std::move(problem), a.options);
+    fmt::print(stderr, "{} of {} data sets ready\n", races.size(),
+               a.inputs.size() + a.worlds.size());
+  };
+  for (const std::string& path : a.inputs) enter(read_problem(path));
+  for (const std::string& world : a.worlds) enter(simulate_problem(world, a.seed));
+  for (const std::string& world : a.growths) growing.emplace_back(world, a.seed, a.options);
+  if (races.empty() && growing.empty()) {
     throw InputError(
         "nothing to measure: name a .g2o file, a folder of local maps, --simulate or --growth");
   }
+  for (int round = 1; round <= a.options.repeat; ++round) {
+    for (ComparisonRace& race : races) race.run_round();
+    for (GrowthRace& race : growing) race.run_round();
+    fmt::print(stderr, "round {} of {}\n", round, a.options.repeat);
+  }
+  Figures out;
+  for (ComparisonRace& race : races) {
+    out.comparisons.push_back(std::move(race).finish());
+    const Comparison& c = out.comparisons.back();
+    fmt::print(stderr, "{}: {:.2f} times one factorisation{}\n", c.name, c.threads.front().ratio(),
+               c.reached() ? "" : ", but NOT at the optimum");
+  }
+  for (GrowthRace& race : growing) out.growths.push_back(std::move(race).finish());
+  return out;
+}
+
+int run(const Arguments& a) {
+  const auto [comparisons, growths] = measure(a);
   std::vector<std::string> worlds = a.worlds;
   worlds.insert(worlds.end(), a.growths.begin(), a.growths.end());
   const std::vector<Goal> aims = goals(comparisons, growths);

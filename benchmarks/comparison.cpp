@@ -6,6 +6,7 @@
 #include <cmath>
 #include <future>
 #include <iterator>
+#include <utility>
 
 #include "benchmarks/ceres_run.h"
 #include "benchmarks/cholmod_run.h"
@@ -49,12 +50,6 @@ Comparison describe(const Problem<D>& problem, const JoinResult<D>& result) {
   out.optimum_from = minimum.from;
   return out;
 }
-
-/// The linear system of the last step of any solver: the final information with one pose held.
-struct FinalSystem {
-  Eigen::SparseMatrix<double> lower;
-  Eigen::VectorXd b;
-};
 
 template <int D>
 FinalSystem final_system(const Map<D>& map) {
@@ -117,26 +112,11 @@ Contender side_by_side(const Problem<D>& problem, int threads) {
           }};
 }
 
-/// All groups in one race, one after the other.
-void race_groups(std::vector<std::vector<Contender>>& groups, const ComparisonOptions& options) {
-  std::vector<Contender> all;
-  for (std::vector<Contender>& group : groups)
-    std::move(group.begin(), group.end(), std::back_inserter(all));
-  race(all, options.repeat, options.slow, options.round);
-  auto next = all.begin();
-  for (std::vector<Contender>& group : groups) {
-    for (Contender& c : group) {
-      c = std::move(*next++);
-      c.run = nullptr;  // what it refers to ends before its figures do
-    }
-  }
-}
-
-/// Everybody's turn. Joins that will be compared with each other are neighbours: what disturbs the
-/// machine then disturbs both.
+/// Everybody, group by group. Joins that will be compared with each other are neighbours: what
+/// disturbs the machine then disturbs both.
 template <int D>
-std::vector<ThreadFigures> race_all(const Problem<D>& problem, const FinalSystem& system,
-                                    const ComparisonOptions& options, Comparison& out) {
+std::vector<std::vector<Contender>> entrants(const Problem<D>& problem, const FinalSystem& system,
+                                             const ComparisonOptions& options, Comparison& out) {
   const bool with_ceres = options.ceres && out.why_not_ceres.empty();
   std::vector<std::vector<Contender>> groups = {factorizations(system, 1)};
   for (const int threads : options.threads) groups.push_back({whole_run(problem, threads, false)});
@@ -150,14 +130,18 @@ std::vector<ThreadFigures> race_all(const Problem<D>& problem, const FinalSystem
     groups.emplace_back();
     if (with_ceres) groups.back().push_back(ceres_run(problem, threads, options, out));
   }
-  race_groups(groups, options);
+  return groups;
+}
 
+/// From the groups that `entrants` made.
+std::vector<ThreadFigures> figures_of(const std::vector<std::vector<Contender>>& groups,
+                                      const std::vector<int>& threads) {
   std::vector<ThreadFigures> figures;
-  const std::size_t count = options.threads.size();
+  const std::size_t count = threads.size();
   for (std::size_t t = 0; t < count; ++t) {
-    auto* const rest = &groups[1 + 2 * count + 3 * t];
+    const auto* const rest = &groups[1 + 2 * count + 3 * t];
     ThreadFigures f;
-    f.threads = options.threads[t];
+    f.threads = threads[t];
     f.join = groups[1 + t][0];
     f.side_by_side = groups[1 + count + t];
     f.with_information = rest[0][0];
@@ -186,27 +170,43 @@ bool Comparison::reached() const { return within(chi2, optimum); }
 // From above: Ceres is stopped as soon as it is near enough.
 bool Comparison::ceres_reached() const { return ceres_chi2 <= optimum * (1.0 + kTolerance); }
 
-Comparison compare(const AnyProblem& any, const ComparisonOptions& options) {
-  return std::visit(
-      [&]<int D>(const Problem<D>& problem) {
-        FinalSystem system;
-        Comparison out;
-        {
-          const JoinResult<D> result = run_join(problem, 1, true).result;
-          if (result.maps.size() != 1) {
-            throw InputError(
-                fmt::format("{} falls into {} pieces that nothing links; compare on one of them",
-                            problem.name, result.maps.size()));
-          }
-          out = describe(problem, result);
-          system = final_system(result.maps[0]);
-        }
-        out.factor_rows = static_cast<double>(system.lower.rows());
-        out.why_not_ceres = why_not_ceres(problem.graph);
-        out.threads = race_all(problem, system, options, out);
-        return out;
-      },
-      any);
+ComparisonRace::ComparisonRace(AnyProblem problem, const ComparisonOptions& options)
+    : problem_(std::move(problem)), options_(options) {
+  std::visit([&](const auto& p) { enter(p); }, problem_);
+}
+
+template <int D>
+void ComparisonRace::enter(const Problem<D>& problem) {
+  {
+    const JoinResult<D> result = run_join(problem, 1, true).result;
+    if (result.maps.size() != 1) {
+      throw InputError(
+          fmt::format("{} falls into {} pieces that nothing links; compare on one of them",
+                      problem.name, result.maps.size()));
+    }
+    out_ = describe(problem, result);
+    system_ = final_system(result.maps[0]);
+  }
+  out_.factor_rows = static_cast<double>(system_.lower.rows());
+  out_.why_not_ceres = why_not_ceres(problem.graph);
+  std::vector<Contender> all;
+  for (std::vector<Contender>& group : entrants(problem, system_, options_, out_)) {
+    sizes_.push_back(group.size());
+    std::move(group.begin(), group.end(), std::back_inserter(all));
+  }
+  race_.emplace(std::move(all), options_.slow, options_.round);
+}
+
+Comparison ComparisonRace::finish() && {
+  std::vector<Contender> all = std::move(*race_).finish();
+  std::vector<std::vector<Contender>> groups;
+  auto next = std::make_move_iterator(all.begin());
+  for (const std::size_t size : sizes_) {
+    groups.emplace_back(next, next + static_cast<std::ptrdiff_t>(size));
+    next += static_cast<std::ptrdiff_t>(size);
+  }
+  out_.threads = figures_of(groups, options_.threads);
+  return std::move(out_);
 }
 
 }  // namespace mapjoin::benchmarks

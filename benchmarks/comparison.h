@@ -1,5 +1,9 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <Eigen/SparseCore>
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -66,8 +70,34 @@ struct Comparison {
 /// Of chi2, relative: what counts as the optimum.
 inline constexpr double kTolerance = 1e-6;
 
-/// Solves one problem by everybody, in turn. \throws InputError when the data fall into several
-/// pieces: there is no one factorisation to compare with.
-Comparison compare(const AnyProblem& problem, const ComparisonOptions& options);
+/// The linear system of the last step of any solver: the final information with one pose held.
+struct FinalSystem {
+  Eigen::SparseMatrix<double> lower;
+  Eigen::VectorXd b;
+};
+
+/// One problem and everybody who solves it. Does not move: they refer to it.
+class ComparisonRace {
+ public:
+  /// Runs everybody once. \throws InputError when the data fall into several pieces: there is no
+  /// one factorisation to compare with.
+  ComparisonRace(AnyProblem problem, const ComparisonOptions& options);
+  ComparisonRace(const ComparisonRace&) = delete;
+  ComparisonRace& operator=(const ComparisonRace&) = delete;
+
+  void run_round() { race_->run_round(); }
+  Comparison finish() &&;
+
+ private:
+  template <int D>
+  void enter(const Problem<D>& problem);
+
+  AnyProblem problem_;
+  ComparisonOptions options_;
+  FinalSystem system_;
+  Comparison out_;                  // Ceres writes down where it ends
+  std::vector<std::size_t> sizes_;  // of groups of contenders
+  std::optional<Race> race_;
+};
 
 }  // namespace mapjoin::benchmarks

@@ -59,23 +59,21 @@ double Growth::power(std::size_t from, std::size_t to, std::size_t t) const {
          std::log(static_cast<double>(steps[to].poses) / static_cast<double>(steps[from].poses));
 }
 
-Growth measure_growth(const std::string& text, std::uint64_t seed,
-                      const ComparisonOptions& options) {
-  std::vector<AnyProblem> problems;
+GrowthRace::GrowthRace(const std::string& text, std::uint64_t seed,
+                       const ComparisonOptions& options) {
   for (const std::string& world : worlds_of(text)) {
-    problems.push_back(simulate_problem(world, seed));
-    if (problems.size() > 1 && variables_of(problems.back()) <= variables_of(problems.end()[-2]))
+    problems_.push_back(simulate_problem(world, seed));
+    if (problems_.size() > 1 && variables_of(problems_.back()) <= variables_of(problems_.end()[-2]))
       throw InputError(fmt::format("--growth {}: name the sizes from small to large", text));
   }
-  Growth out;
-  out.world = text.substr(0, text.find(':'));
-  out.dimension = std::holds_alternative<Problem<2>>(problems[0]) ? 2 : 3;
-  out.threads = options.threads;
+  out_.world = text.substr(0, text.find(':'));
+  out_.dimension = std::holds_alternative<Problem<2>>(problems_[0]) ? 2 : 3;
+  out_.threads = options.threads;
   std::vector<Contender> all;
-  for (const AnyProblem& any : problems) {
+  for (const AnyProblem& any : problems_) {
     std::visit(
         [&](const auto& problem) {
-          out.steps.push_back(describe(problem));
+          out_.steps.push_back(describe(problem));
           for (const int threads : options.threads) {
             all.push_back({problem.name, threads, [&problem, threads] {
                              return run_join(problem, threads, false).measured;
@@ -85,12 +83,14 @@ Growth measure_growth(const std::string& text, std::uint64_t seed,
         any);
   }
   constexpr double kRound = 1.0;  // seconds: as long as some runs of the large sizes take
-  race(all, options.repeat, std::numeric_limits<double>::infinity(), kRound);
-  for (std::size_t k = 0; k < all.size(); ++k) {
-    all[k].run = nullptr;  // what it refers to ends before its figures do
-    out.steps[k / options.threads.size()].join.push_back(std::move(all[k]));
-  }
-  return out;
+  race_.emplace(std::move(all), std::numeric_limits<double>::infinity(), kRound);
+}
+
+Growth GrowthRace::finish() && {
+  std::vector<Contender> all = std::move(*race_).finish();
+  for (std::size_t k = 0; k < all.size(); ++k)
+    out_.steps[k / out_.threads.size()].join.push_back(std::move(all[k]));
+  return std::move(out_);
 }
 
 }  // namespace mapjoin::benchmarks

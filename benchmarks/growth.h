@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,9 +35,23 @@ struct Growth {
   bool reached() const;
 };
 
-/// `text`: "manhattan:10000,100000,1000000". All sizes and numbers of threads take turns, none is
-/// left out of a round for being slow. \throws InputError.
-Growth measure_growth(const std::string& text, std::uint64_t seed,
-                      const ComparisonOptions& options);
+/// One world in several sizes, and in each with several numbers of threads. Does not move: its
+/// contenders refer to it.
+class GrowthRace {
+ public:
+  /// `text`: "manhattan:10000,100000,1000000". Runs everybody once. \throws InputError.
+  GrowthRace(const std::string& text, std::uint64_t seed, const ComparisonOptions& options);
+  GrowthRace(const GrowthRace&) = delete;
+  GrowthRace& operator=(const GrowthRace&) = delete;
+
+  /// All sizes and numbers of threads take turns, none is left out for being slow.
+  void run_round() { race_->run_round(); }
+  Growth finish() &&;
+
+ private:
+  std::vector<AnyProblem> problems_;
+  Growth out_;
+  std::optional<Race> race_;
+};
 
 }  // namespace mapjoin::benchmarks

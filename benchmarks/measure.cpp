@@ -168,33 +168,41 @@ Allowance::~Allowance() {
   move_to(processors().all);
 }
 
-void race(std::span<Contender> contenders, int repeat, double slow, double round) {
-  for (Contender& c : contenders) {
+Race::Race(std::vector<Contender> contenders, double slow, double round)
+    : contenders_(std::move(contenders)), round_(round) {
+  for (std::size_t k = 0; k < contenders_.size(); ++k) {
+    Contender& c = contenders_[k];
     const Allowance allowance(c.threads);
     malloc_trim(0);  // else earlier runs' memory, freed but kept, hides what a run takes
     const bool measurable = reset_peak_memory();
     const std::int64_t before = resident_memory();
     Measured first = c.run();
     if (measurable && before > 0) c.peak_bytes = std::max<std::int64_t>(0, peak_memory() - before);
-    if (first.seconds() > slow) c.runs.push_back(std::move(first));
-  }
-  std::vector<Contender*> racing;
-  for (Contender& c : contenders) {
-    if (c.runs.empty()) racing.push_back(&c);
-  }
-  for (int k = 0; k < repeat; ++k) {
-    std::vector<Round> rounds(racing.size(), Round(round));
-    for (bool more = true; more;) {
-      more = false;
-      for (std::size_t c = 0; c < racing.size(); ++c) {
-        if (!rounds[c].has_room()) continue;
-        rounds[c].run(*racing[c]);
-        more = true;
-      }
+    if (first.seconds() > slow) {
+      c.runs.push_back(std::move(first));
+    } else {
+      racing_.push_back(k);
     }
-    for (std::size_t c = 0; c < racing.size(); ++c)
-      racing[c]->runs.push_back(std::move(rounds[c]).result());
   }
+}
+
+void Race::run_round() {
+  std::vector<Round> rounds(racing_.size(), Round(round_));
+  for (bool more = true; more;) {
+    more = false;
+    for (std::size_t k = 0; k < racing_.size(); ++k) {
+      if (!rounds[k].has_room()) continue;
+      rounds[k].run(contenders_[racing_[k]]);
+      more = true;
+    }
+  }
+  for (std::size_t k = 0; k < racing_.size(); ++k)
+    contenders_[racing_[k]].runs.push_back(std::move(rounds[k]).result());
+}
+
+std::vector<Contender> Race::finish() && {
+  for (Contender& c : contenders_) c.run = nullptr;
+  return std::move(contenders_);
 }
 
 }  // namespace mapjoin::benchmarks

@@ -52,7 +52,7 @@ struct Contender {
   int threads = 1;                ///< what it may use, BLAS included
   std::function<Measured()> run;  ///< does it once
 
-  // What race() found out.
+  // What a Race found out.
   std::vector<Measured> runs = {};
   std::optional<std::int64_t> peak_bytes = {};  ///< peak memory beyond what was in use before
 
@@ -66,14 +66,27 @@ struct Contender {
 /// that slows down for a while slows down both.
 double times_as_fast(const Contender& one, const Contender& other);
 
-/// Runs everybody once unmeasured but for memory (caches are then warm and BLAS has its threads),
-/// and then `repeat` times in turn. What took longer than `slow` seconds is not repeated: the first
-/// run counts.
-///
-/// Who takes less than `round` seconds runs as often as fits into them, in four turns of a round,
-/// and the median of these runs counts for the round. Single-threaded contenders all run on one and
-/// the same processor.
-void race(std::span<Contender> contenders, int repeat, double slow, double round);
+/// Contenders that take turns, round by round. Rounds of several races may take turns as well: what
+/// slows a machine down for minutes then costs each of them a round, not one of them all.
+class Race {
+ public:
+  /// Runs everybody once unmeasured but for memory: caches are then warm and BLAS has its threads.
+  /// What took longer than `slow` seconds is not repeated: this run counts.
+  Race(std::vector<Contender> contenders, double slow, double round);
+
+  /// Who takes less than `round` seconds runs as often as fits into them, in four turns, and the
+  /// median of these runs counts. Single-threaded contenders all run on one and the same processor.
+  void run_round();
+
+  /// The contenders with their figures, and without what they ran: that may refer to what ends
+  /// sooner.
+  std::vector<Contender> finish() &&;
+
+ private:
+  std::vector<Contender> contenders_;
+  std::vector<std::size_t> racing_;  // who is not too slow for it
+  double round_;
+};
 
 /// The file that the BLAS in use comes from: part of any figure of CHOLMOD's.
 std::string blas_in_use();
