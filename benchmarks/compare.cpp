@@ -96,16 +96,20 @@ void write(const std::string& path, const std::string& text) {
   if (!file) throw FileError(fmt::format("cannot write {}", path));
 }
 
-/// What was measured.
-struct Figures {
-  std::vector<Comparison> comparisons;
-  std::vector<Growth> growths;
-};
+/// Rounds of all races take turns.
+template <class AnyRace>
+auto finish(std::deque<AnyRace>& races, int rounds) {
+  for (int round = 1; round <= rounds && !races.empty(); ++round) {
+    for (AnyRace& race : races) race.run_round();
+    fmt::print(stderr, "round {} of {}\n", round, rounds);
+  }
+  std::vector<decltype(std::move(races[0]).finish())> out;
+  for (AnyRace& race : races) out.push_back(std::move(race).finish());
+  return out;
+}
 
-/// Rounds of all data sets and worlds take turns.
-Figures measure(const Arguments& a) {
+std::vector<Comparison> compare(const Arguments& a) {
   std::deque<ComparisonRace> races;
-  std::deque<GrowthRace> growing;
   const auto enter = [&](AnyProblem problem) {
     races.emplace_back(std::move(problem), a.options);
     fmt::print(stderr, "{} of {} data sets ready\n", races.size(),
@@ -113,29 +117,28 @@ Figures measure(const Arguments& a) {
   };
   for (const std::string& path : a.inputs) enter(read_problem(path));
   for (const std::string& world : a.worlds) enter(simulate_problem(world, a.seed));
-  for (const std::string& world : a.growths) growing.emplace_back(world, a.seed, a.options);
-  if (races.empty() && growing.empty()) {
-    throw InputError(
-        "nothing to measure: name a .g2o file, a folder of local maps, --simulate or --growth");
-  }
-  for (int round = 1; round <= a.options.repeat; ++round) {
-    for (ComparisonRace& race : races) race.run_round();
-    for (GrowthRace& race : growing) race.run_round();
-    fmt::print(stderr, "round {} of {}\n", round, a.options.repeat);
-  }
-  Figures out;
-  for (ComparisonRace& race : races) {
-    out.comparisons.push_back(std::move(race).finish());
-    const Comparison& c = out.comparisons.back();
+  std::vector<Comparison> out = finish(races, a.options.repeat);
+  for (const Comparison& c : out) {
     fmt::print(stderr, "{}: {:.2f} times one factorisation{}\n", c.name, c.threads.front().ratio(),
                c.reached() ? "" : ", but NOT at the optimum");
   }
-  for (GrowthRace& race : growing) out.growths.push_back(std::move(race).finish());
   return out;
 }
 
+std::vector<Growth> measure_growths(const Arguments& a) {
+  std::deque<GrowthRace> races;
+  for (const std::string& world : a.growths) races.emplace_back(world, a.seed, a.options);
+  return finish(races, a.options.repeat);
+}
+
 int run(const Arguments& a) {
-  const auto [comparisons, growths] = measure(a);
+  // First the small ones: what large worlds leave behind, freed but kept, they would lie in.
+  const std::vector<Comparison> comparisons = compare(a);
+  const std::vector<Growth> growths = measure_growths(a);
+  if (comparisons.empty() && growths.empty()) {
+    throw InputError(
+        "nothing to measure: name a .g2o file, a folder of local maps, --simulate or --growth");
+  }
   std::vector<std::string> worlds = a.worlds;
   worlds.insert(worlds.end(), a.growths.begin(), a.growths.end());
   const std::vector<Goal> aims = goals(comparisons, growths);

@@ -170,6 +170,7 @@ Allowance::~Allowance() {
 
 Race::Race(std::vector<Contender> contenders, double slow, double round)
     : contenders_(std::move(contenders)), round_(round) {
+  constexpr double kWarmAlone = 2.0;  // seconds in which what a run finds cold is soon forgotten
   for (std::size_t k = 0; k < contenders_.size(); ++k) {
     Contender& c = contenders_[k];
     const Allowance allowance(c.threads);
@@ -178,6 +179,7 @@ Race::Race(std::vector<Contender> contenders, double slow, double round)
     const std::int64_t before = resident_memory();
     Measured first = c.run();
     if (measurable && before > 0) c.peak_bytes = std::max<std::int64_t>(0, peak_memory() - before);
+    if (first.seconds() < std::min(slow, kWarmAlone)) warming_.push_back(k);
     if (first.seconds() > slow) {
       c.runs.push_back(std::move(first));
     } else {
@@ -187,6 +189,10 @@ Race::Race(std::vector<Contender> contenders, double slow, double round)
 }
 
 void Race::run_round() {
+  for (const std::size_t k : warming_) {
+    const Allowance allowance(contenders_[k].threads);
+    contenders_[k].run();
+  }
   std::vector<Round> rounds(racing_.size(), Round(round_));
   for (bool more = true; more;) {
     more = false;

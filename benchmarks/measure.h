@@ -76,6 +76,8 @@ class Race {
 
   /// Who takes less than `round` seconds runs as often as fits into them, in four turns, and the
   /// median of these runs counts. Single-threaded contenders all run on one and the same processor.
+  /// Before it, everybody who is not slow runs once unmeasured: others had the caches since the
+  /// last round, and the first to come would pay for all.
   void run_round();
 
   /// The contenders with their figures, and without what they ran: that may refer to what ends
@@ -84,7 +86,8 @@ class Race {
 
  private:
   std::vector<Contender> contenders_;
-  std::vector<std::size_t> racing_;  // who is not too slow for it
+  std::vector<std::size_t> racing_;   // who is not too slow for it
+  std::vector<std::size_t> warming_;  // who runs once more before each round
   double round_;
 };
 
