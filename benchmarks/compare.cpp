@@ -75,6 +75,10 @@ void add_options(CLI::App& app, Arguments& a) {
   app.add_option("--repeat", a.options.repeat, "Rounds to take the median of")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
+  app.add_option("--between", a.options.between,
+                 "Rounds of the joins alone after each round; they count like any other")
+      ->check(CLI::Range(0, 1000))
+      ->capture_default_str();
   app.add_option("--round", a.options.round,
                  "Who takes less than so many seconds runs as often as fits into them, and the "
                  "median of these runs counts for the round")
@@ -96,18 +100,11 @@ void write(const std::string& path, const std::string& text) {
   if (!file) throw FileError(fmt::format("cannot write {}", path));
 }
 
-/// Rounds of all races take turns.
-template <class AnyRace>
-auto finish(std::deque<AnyRace>& races, int rounds) {
-  for (int round = 1; round <= rounds && !races.empty(); ++round) {
-    for (AnyRace& race : races) race.run_round();
-    fmt::print(stderr, "round {} of {}\n", round, rounds);
-  }
-  std::vector<decltype(std::move(races[0]).finish())> out;
-  for (AnyRace& race : races) out.push_back(std::move(race).finish());
-  return out;
+void say_round(int round, const Arguments& a) {
+  fmt::print(stderr, "round {} of {}\n", round, a.options.repeat);
 }
 
+/// Rounds of all data sets take turns.
 std::vector<Comparison> compare(const Arguments& a) {
   std::deque<ComparisonRace> races;
   const auto enter = [&](AnyProblem problem) {
@@ -117,8 +114,17 @@ std::vector<Comparison> compare(const Arguments& a) {
   };
   for (const std::string& path : a.inputs) enter(read_problem(path));
   for (const std::string& world : a.worlds) enter(simulate_problem(world, a.seed));
-  std::vector<Comparison> out = finish(races, a.options.repeat);
-  for (const Comparison& c : out) {
+  for (int round = 1; round <= a.options.repeat && !races.empty(); ++round) {
+    for (ComparisonRace& race : races) race.run_round();
+    for (int k = 0; k < a.options.between; ++k) {
+      for (ComparisonRace& race : races) race.run_between();
+    }
+    say_round(round, a);
+  }
+  std::vector<Comparison> out;
+  for (ComparisonRace& race : races) {
+    out.push_back(std::move(race).finish());
+    const Comparison& c = out.back();
     fmt::print(stderr, "{}: {:.2f} times one factorisation{}\n", c.name, c.threads.front().ratio(),
                c.reached() ? "" : ", but NOT at the optimum");
   }
@@ -128,7 +134,13 @@ std::vector<Comparison> compare(const Arguments& a) {
 std::vector<Growth> measure_growths(const Arguments& a) {
   std::deque<GrowthRace> races;
   for (const std::string& world : a.growths) races.emplace_back(world, a.seed, a.options);
-  return finish(races, a.options.repeat);
+  for (int round = 1; round <= a.options.repeat && !races.empty(); ++round) {
+    for (GrowthRace& race : races) race.run_round();
+    say_round(round, a);
+  }
+  std::vector<Growth> out;
+  for (GrowthRace& race : races) out.push_back(std::move(race).finish());
+  return out;
 }
 
 int run(const Arguments& a) {

@@ -78,10 +78,10 @@ std::vector<Contender> factorizations(const FinalSystem& system, int threads) {
 /// The whole run, with the information matrix of the result or without. Refers to `problem`.
 template <int D>
 Contender whole_run(const Problem<D>& problem, int threads, bool information) {
-  return {information ? "mapjoin, with information" : "mapjoin", threads,
-          [&problem, threads, information] {
-            return run_join(problem, threads, information).measured;
-          }};
+  return {
+      information ? "mapjoin, with information" : "mapjoin", threads,
+      [&problem, threads, information] { return run_join(problem, threads, information).measured; },
+      !information};
 }
 
 /// Refers to all its arguments, and writes down in `out` where Ceres ends.
@@ -100,7 +100,8 @@ Contender ceres_run(const Problem<D>& problem, int threads, const ComparisonOpti
 /// Joins that share nothing but the machine. Refers to `problem`.
 template <int D>
 Contender side_by_side(const Problem<D>& problem, int threads) {
-  return {fmt::format("{} joins at once", threads), threads, [&problem, threads] {
+  return {fmt::format("{} joins at once", threads), threads,
+          [&problem, threads] {
             Laps laps;
             std::vector<std::future<void>> runners;
             for (int k = 0; k < threads; ++k)
@@ -109,7 +110,8 @@ Contender side_by_side(const Problem<D>& problem, int threads) {
             for (std::future<void>& runner : runners) runner.get();
             laps.lap();
             return std::move(laps).measured();
-          }};
+          },
+          true};
 }
 
 /// Everybody, group by group. Joins that will be compared with each other are neighbours: what

@@ -15,6 +15,7 @@ namespace mapjoin::benchmarks {
 struct ComparisonOptions {
   std::vector<int> threads = {1, 2};
   int repeat = 5;
+  int between = 2;     ///< rounds of the joins alone after each round, values alone
   double round = 0.2;  ///< seconds a round; who takes less runs as often as fits into them
   double slow = 5.0;   ///< seconds; what takes longer is run once
   bool ceres = true;
@@ -86,6 +87,9 @@ class ComparisonRace {
   ComparisonRace& operator=(const ComparisonRace&) = delete;
 
   void run_round() { race_->run_round(); }
+  /// Joins alone, those on one thread and on more: they are quick, and how many times as fast one
+  /// is as the other is what a shared machine disturbs most.
+  void run_between() { race_->run_between(); }
   Comparison finish() &&;
 
  private:

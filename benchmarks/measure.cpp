@@ -179,31 +179,32 @@ Race::Race(std::vector<Contender> contenders, double slow, double round)
     const std::int64_t before = resident_memory();
     Measured first = c.run();
     if (measurable && before > 0) c.peak_bytes = std::max<std::int64_t>(0, peak_memory() - before);
-    if (first.seconds() < std::min(slow, kWarmAlone)) warming_.push_back(k);
     if (first.seconds() > slow) {
       c.runs.push_back(std::move(first));
-    } else {
-      racing_.push_back(k);
+      continue;
     }
+    racing_.push_back({k, first.seconds() < kWarmAlone});
+    if (c.often) often_.push_back(racing_.back());
   }
 }
 
-void Race::run_round() {
-  for (const std::size_t k : warming_) {
-    const Allowance allowance(contenders_[k].threads);
-    contenders_[k].run();
+void Race::run(const std::vector<Entry>& entries) {
+  for (const Entry& entry : entries) {
+    if (!entry.warms_up) continue;
+    const Allowance allowance(contenders_[entry.contender].threads);
+    contenders_[entry.contender].run();
   }
-  std::vector<Round> rounds(racing_.size(), Round(round_));
+  std::vector<Round> rounds(entries.size(), Round(round_));
   for (bool more = true; more;) {
     more = false;
-    for (std::size_t k = 0; k < racing_.size(); ++k) {
+    for (std::size_t k = 0; k < entries.size(); ++k) {
       if (!rounds[k].has_room()) continue;
-      rounds[k].run(contenders_[racing_[k]]);
+      rounds[k].run(contenders_[entries[k].contender]);
       more = true;
     }
   }
-  for (std::size_t k = 0; k < racing_.size(); ++k)
-    contenders_[racing_[k]].runs.push_back(std::move(rounds[k]).result());
+  for (std::size_t k = 0; k < entries.size(); ++k)
+    contenders_[entries[k].contender].runs.push_back(std::move(rounds[k]).result());
 }
 
 std::vector<Contender> Race::finish() && {

@@ -51,6 +51,7 @@ struct Contender {
   std::string name;
   int threads = 1;                ///< what it may use, BLAS included
   std::function<Measured()> run;  ///< does it once
+  bool often = false;             ///< takes part in rounds between rounds too
 
   // What a Race found out.
   std::vector<Measured> runs = {};
@@ -78,16 +79,24 @@ class Race {
   /// median of these runs counts. Single-threaded contenders all run on one and the same processor.
   /// Before it, everybody who is not slow runs once unmeasured: others had the caches since the
   /// last round, and the first to come would pay for all.
-  void run_round();
+  void run_round() { run(racing_); }
+
+  /// A round of those that are to run often alone.
+  void run_between() { run(often_); }
 
   /// The contenders with their figures, and without what they ran: that may refer to what ends
   /// sooner.
   std::vector<Contender> finish() &&;
 
  private:
+  struct Entry {
+    std::size_t contender;
+    bool warms_up;  // runs once more before each round
+  };
+  void run(const std::vector<Entry>& entries);
+
   std::vector<Contender> contenders_;
-  std::vector<std::size_t> racing_;   // who is not too slow for it
-  std::vector<std::size_t> warming_;  // who runs once more before each round
+  std::vector<Entry> racing_, often_;  // who is not too slow for it
   double round_;
 };
 

@@ -148,19 +148,19 @@ std::string markdown(std::span<const Comparison> comparisons, const ComparisonOp
              "Without initial values, against one factorisation (ordering, analysis, numbers, "
              "solve) of the\nfinal information matrix by CHOLMOD's fastest variant with at most so "
              "many threads, and Ceres\nfrom a spanning tree, stopped as soon as it is there. "
-             "Medians of {} rounds, all\ndata sets in turn in each, after one run more of "
-             "everybody "
-             "whom it takes less than two seconds: minutes in\nwhich the machine is slow cost "
-             "everybody a round and nobody all. Who takes less than {:g} s runs as often\nas fits "
-             "into them, and the median of these runs counts for the round. What one frees stays "
-             "in the process\nfor the next, so nobody pays for fresh pages. BLAS is `{}`.\n"
+             "Medians of {} rounds, those of\njoins without the information of {}, all data sets "
+             "in turn in each, after one run more of everybody whom it\ntakes less than two "
+             "seconds: minutes in which the machine is slow cost everybody a round and nobody "
+             "all.\nWho takes less than {:g} s runs as often as fits into them, and the median of "
+             "these runs counts for the round.\nWhat one frees stays in the process for the next, "
+             "so nobody pays for fresh pages. BLAS is `{}`.\n"
              "*Times as fast as one* is the median of the rounds, in which both are neighbours; "
              "*two joins "
              "at once*,\non a thread each and sharing nothing but the machine, are so many times "
              "as fast "
              "as one after the\nother: what its processors give at that time to who never "
              "waits.\n\n",
-             options.repeat, options.round, blas_in_use()) +
+             options.repeat, options.repeat * (1 + options.between), options.round, blas_in_use()) +
          ratios(comparisons) + "## By phase\n\n" + phases(comparisons) + "## Checks\n\n" +
          checks(comparisons) + others(comparisons) +
          "## Peak memory\n\nBeyond the measurements and whatever else was in use before the "
