@@ -136,6 +136,9 @@ std::vector<Growth> measure_growths(const Arguments& a) {
   for (const std::string& world : a.growths) races.emplace_back(world, a.seed, a.options);
   for (int round = 1; round <= a.options.repeat && !races.empty(); ++round) {
     for (GrowthRace& race : races) race.run_round();
+    for (int k = 0; k < a.options.between; ++k) {
+      for (GrowthRace& race : races) race.run_between();
+    }
     say_round(round, a);
   }
   std::vector<Growth> out;

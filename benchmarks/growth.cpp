@@ -75,9 +75,9 @@ GrowthRace::GrowthRace(const std::string& text, std::uint64_t seed,
         [&](const auto& problem) {
           out_.steps.push_back(describe(problem));
           for (const int threads : options.threads) {
-            all.push_back({problem.name, threads, [&problem, threads] {
-                             return run_join(problem, threads, false).measured;
-                           }});
+            all.push_back(
+                {problem.name, threads,
+                 [&problem, threads] { return run_join(problem, threads, false).measured; }, true});
           }
         },
         any);

@@ -46,6 +46,8 @@ class GrowthRace {
 
   /// All sizes and numbers of threads take turns, none is left out for being slow.
   void run_round() { race_->run_round(); }
+  /// The sizes that take less than two seconds.
+  void run_between() { race_->run_between(); }
   Growth finish() &&;
 
  private:

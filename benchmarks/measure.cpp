@@ -131,9 +131,12 @@ double Contender::cpu_seconds() const {
 
 double times_as_fast(const Contender& one, const Contender& other) {
   std::vector<double> rounds;
-  for (std::size_t k = 0; k < std::min(one.runs.size(), other.runs.size()); ++k)
-    rounds.push_back(other.runs[k].seconds() / one.runs[k].seconds());
-  return median(std::move(rounds));
+  for (auto a = one.runs.begin(), b = other.runs.begin();
+       a != one.runs.end() && b != other.runs.end();) {
+    if (a->round == b->round) rounds.push_back(b->seconds() / a->seconds());
+    (a->round <= b->round ? a : b)++;
+  }
+  return rounds.empty() ? other.seconds() / one.seconds() : median(std::move(rounds));
 }
 
 std::vector<double> Contender::phase_seconds() const {
@@ -183,8 +186,9 @@ Race::Race(std::vector<Contender> contenders, double slow, double round)
       c.runs.push_back(std::move(first));
       continue;
     }
-    racing_.push_back({k, first.seconds() < kWarmAlone});
-    if (c.often) often_.push_back(racing_.back());
+    const bool quick = first.seconds() < kWarmAlone;
+    racing_.push_back({k, quick});
+    if (c.often && quick) often_.push_back(racing_.back());
   }
 }
 
@@ -203,8 +207,12 @@ void Race::run(const std::vector<Entry>& entries) {
       more = true;
     }
   }
-  for (std::size_t k = 0; k < entries.size(); ++k)
-    contenders_[entries[k].contender].runs.push_back(std::move(rounds[k]).result());
+  ++round_number_;
+  for (std::size_t k = 0; k < entries.size(); ++k) {
+    std::vector<Measured>& runs = contenders_[entries[k].contender].runs;
+    runs.push_back(std::move(rounds[k]).result());
+    runs.back().round = round_number_;
+  }
 }
 
 std::vector<Contender> Race::finish() && {

@@ -23,6 +23,7 @@ double median(std::vector<double> samples);
 struct Measured {
   std::vector<double> phases;  ///< seconds of each
   double cpu = 0.0;            ///< processor seconds of all threads together
+  int round = 0;               ///< of the race, from 1; 0 of the run before the first
 
   double seconds() const;  ///< of all phases
 };
@@ -51,7 +52,7 @@ struct Contender {
   std::string name;
   int threads = 1;                ///< what it may use, BLAS included
   std::function<Measured()> run;  ///< does it once
-  bool often = false;             ///< takes part in rounds between rounds too
+  bool often = false;             ///< takes part in rounds between rounds too, if it is quick
 
   // What a Race found out.
   std::vector<Measured> runs = {};
@@ -63,8 +64,8 @@ struct Contender {
   std::vector<double> phase_seconds() const;
 };
 
-/// How many times as fast one was as the other: the median of what each round says, as a machine
-/// that slows down for a while slows down both.
+/// How many times as fast one was as the other: the median of what each round of both says, as a
+/// machine that slows down for a while slows down both.
 double times_as_fast(const Contender& one, const Contender& other);
 
 /// Contenders that take turns, round by round. Rounds of several races may take turns as well: what
@@ -81,7 +82,7 @@ class Race {
   /// last round, and the first to come would pay for all.
   void run_round() { run(racing_); }
 
-  /// A round of those that are to run often alone.
+  /// A round of those alone that are to run often and take less than two seconds.
   void run_between() { run(often_); }
 
   /// The contenders with their figures, and without what they ran: that may refer to what ends
@@ -98,6 +99,7 @@ class Race {
   std::vector<Contender> contenders_;
   std::vector<Entry> racing_, often_;  // who is not too slow for it
   double round_;
+  int round_number_ = 0;
 };
 
 /// The file that the BLAS in use comes from: part of any figure of CHOLMOD's.

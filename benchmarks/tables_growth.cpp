@@ -32,14 +32,12 @@ std::vector<std::string> row(const Growth& g, std::size_t t, std::size_t s) {
 std::string markdown(std::span<const Growth> growths, const ComparisonOptions& options) {
   if (growths.empty()) return {};
   std::string out = fmt::format(
-      "## Growth\n\nSeconds to the optimum, medians of {} rounds; sizes and numbers of threads "
-      "take "
-      "turns, in one process that\nkeeps its memory, small sizes as often as fits into a second. "
-      "Powers "
-      "are medians of what the rounds say,\nso that a slow minute slows down all sizes. Memory: "
-      "the "
-      "first run's peak beyond what was in use.\n\n",
-      options.repeat);
+      "## Growth\n\nSeconds to the optimum, medians of {} rounds, of {} where one takes less than "
+      "two seconds; sizes and numbers of\nthreads take turns, in one process that keeps its "
+      "memory, small sizes as often as fits into a second. Powers\nare medians of what the rounds "
+      "of both say, so that a slow minute slows down all sizes. Memory: the\nfirst run's peak "
+      "beyond what was in use.\n\n",
+      options.repeat, options.repeat * (1 + options.between));
   for (const Growth& g : growths) {
     Rows rows;
     for (std::size_t t = 0; t < g.threads.size(); ++t) {
