@@ -5,6 +5,7 @@
 
 #include <cstring>
 
+#include "mapjoin/graph/dense.h"
 #include "mapjoin/graph/symmetric.h"
 
 namespace mapjoin {
@@ -19,13 +20,16 @@ constexpr double kRounding = 1e-12;
 /// degrees.
 constexpr double kCrossing = 1e-3;
 
-/// sum over i of the gauge information of values, written about their centroid so that distances do
-/// not hide rank.
+// Everything here is small and of fixed size. Plain loops: the compiler takes several times as long
+// over the expressions of matrices that would say the same.
+
+/// N += sum over i of the gauge information of values, written about their centroid so that
+/// distances do not hide rank.
 template <int D>
-Mat<kGauge<D>, kGauge<D>> gauge_information(const CommonColumn<D>& common, const Rigid<D>& centre) {
+void add_gauge_information(const CommonColumn<D>& common, const Rigid<D>& centre,
+                           Eigen::MatrixXd& N) {
   constexpr int G = kGauge<D>;
   const VariableKind<D>& kind = *common.kind;
-  Mat<G, G> N = Mat<G, G>::Zero();
   std::vector<double> x(static_cast<std::size_t>(kind.value_size));
   Eigen::MatrixXd g(kind.dim, G);
   for (const int i : common.in_a) {
@@ -33,9 +37,12 @@ Mat<kGauge<D>, kGauge<D>> gauge_information(const CommonColumn<D>& common, const
                 x.size() * sizeof(double));
     kind.transform(centre, x.data(), 1);
     kind.gauge(x.data(), 1, g.data());
-    N += g.transpose() * g;
+    for (int c = 0; c < G; ++c) {
+      for (int r = 0; r < G; ++r) {
+        for (int k = 0; k < kind.dim; ++k) N(r, c) += g(k, r) * g(k, c);
+      }
+    }
   }
-  return N;
 }
 
 /// What common variables of a column offer of one kind.
@@ -57,10 +64,21 @@ Pairs<D> common_positions(std::span<const CommonColumn<D>> common) {
   return out;
 }
 
+/// The mean of vectors that lie one after another.
+template <int D>
+Vec<D> mean(const std::vector<double>& v) {
+  Vec<D> out = Vec<D>::Zero();
+  for (std::size_t k = 0; k < v.size(); k += D) {
+    for (int i = 0; i < D; ++i) out(i) += v[k + static_cast<std::size_t>(i)];
+  }
+  for (int i = 0; i < D; ++i) out(i) /= static_cast<double>(v.size() / D);
+  return out;
+}
+
 template <int D>
 Rigid<D> centring(const Pairs<D>& positions) {
   Rigid<D> centre;
-  if (positions.size() > 0) centre.t = -positions.in_a().rowwise().mean();
+  if (positions.size() > 0) centre.t = -mean<D>(positions.a);
   return centre;
 }
 
@@ -70,17 +88,18 @@ bool has_rank(std::span<const CommonColumn<D>> common, const Rigid<D>& centre) {
     if (c.kind->has_rotation && c.kind->has_position && !c.in_a.empty()) return true;
   }
   constexpr int G = kGauge<D>;
-  Mat<G, G> N = Mat<G, G>::Zero();
-  for (const CommonColumn<D>& c : common) N += gauge_information(c, centre);
+  Eigen::MatrixXd N = Eigen::MatrixXd::Zero(G, G);
+  for (const CommonColumn<D>& c : common) add_gauge_information(c, centre, N);
   // Lengths in units of the spread, so that translations and rotations compare.
-  const double spread =
-      std::sqrt(N.template bottomRightCorner<kRotation<D>, kRotation<D>>().trace() /
-                std::max(1.0, N.template topLeftCorner<D, D>().trace()));
+  double of_rotations = 0.0, of_translations = 0.0;
+  for (int k = 0; k < G; ++k) (k < D ? of_translations : of_rotations) += N(k, k);
+  const double spread = std::sqrt(of_rotations / std::max(1.0, of_translations));
   if (!(spread > 0.0)) return false;
-  Eigen::Matrix<double, G, 1> scale = Eigen::Matrix<double, G, 1>::Ones();
-  scale.template tail<kRotation<D>>().setConstant(1.0 / spread);
-  const Eigen::Matrix<double, G, G> scaled = scale.asDiagonal() * N * scale.asDiagonal();
-  const Eigen::VectorXd values = eigenvalues(scaled);
+  const double scale = 1.0 / spread;
+  for (int c = 0; c < G; ++c) {
+    for (int r = 0; r < G; ++r) N(r, c) = (r < D ? 1.0 : scale) * N(r, c) * (c < D ? 1.0 : scale);
+  }
+  const Eigen::VectorXd values = eigenvalues(N);
   return values(0) > kRankTolerance * values(G - 1);
 }
 
@@ -100,58 +119,84 @@ CommonGeometry<D> collect(std::span<const CommonColumn<D>> common) {
   return out;
 }
 
-/// What vectors, as columns, tell of a rotation: sum [v]x^T [v]x, in the plane sum |v|^2.
-template <int D, class Vectors>
-Mat<kRotation<D>, kRotation<D>> rotation_information(const Vectors& v) {
-  Mat<kRotation<D>, kRotation<D>> out;
-  if constexpr (D == 2) {
-    out(0, 0) = v.squaredNorm();
-  } else {
-    out = v.squaredNorm() * Mat<3, 3>::Identity();
-    out.noalias() -= v * v.transpose();
+template <int D>
+std::vector<double> about(const std::vector<double>& v, const Vec<D>& mean) {
+  std::vector<double> out(v.size());
+  for (std::size_t k = 0; k < v.size(); ++k) out[k] = v[k] - mean(k % D);
+  return out;
+}
+
+double sum_of_squares(const std::vector<double>& v) {
+  double out = 0.0;
+  for (const double x : v) out += x * x;
+  return out;
+}
+
+double largest(const std::vector<double>& v) {
+  double out = 0.0;
+  for (const double x : v) out = std::max(out, std::abs(x));
+  return out;
+}
+
+/// sum a b^T over vectors of D that lie one after another.
+template <int D>
+Mat<D, D> products(std::span<const double> a, std::span<const double> b) {
+  Mat<D, D> out = Mat<D, D>::Zero();
+  for (std::size_t k = 0; k < a.size(); k += D) {
+    for (int c = 0; c < D; ++c) {
+      for (int r = 0; r < D; ++r)
+        out(r, c) += a[k + static_cast<std::size_t>(r)] * b[k + static_cast<std::size_t>(c)];
+    }
   }
   return out;
+}
+
+/// What vectors tell of a rotation: sum [v]x^T [v]x, in the plane sum |v|^2.
+template <int D>
+Mat<kRotation<D>, kRotation<D>> rotation_information(const std::vector<double>& v) {
+  const double squares = sum_of_squares(v);
+  if constexpr (D == 2) {
+    return Mat<1, 1>(squares);
+  } else {
+    Mat<3, 3> out = -products<3>(v, v);
+    for (int k = 0; k < 3; ++k) out(k, k) += squares;
+    return out;
+  }
 }
 
 /// \returns false when the rotation is not determined.
 template <int D>
 bool fit_rotation(const CommonGeometry<D>& common, Rigid<D>& T) {
   constexpr int K = kRotation<D>;
-  Eigen::Matrix<double, D, D> M = Eigen::Matrix<double, D, D>::Zero();
+  Mat<D, D> M = Mat<D, D>::Zero();
   Mat<K, K> positions = Mat<K, K>::Zero();
   double weight = 1.0;
   if (const Eigen::Index n = common.positions.size(); n > 0) {
-    const auto in_a = common.positions.in_a();
-    const auto in_b = common.positions.in_b();
-    const auto mean = [](const auto& p) -> Eigen::Matrix<double, D, 1> {
-      return p.rowwise().mean();
-    };
-    const Eigen::Matrix<double, D, Eigen::Dynamic> a = in_a.colwise() - mean(in_a);
-    const Eigen::Matrix<double, D, Eigen::Dynamic> b = in_b.colwise() - mean(in_b);
+    const auto& [in_a, in_b] = common.positions;
+    const std::vector<double> a = about<D>(in_a, mean<D>(in_a));
+    const std::vector<double> b = about<D>(in_b, mean<D>(in_b));
     // Where the two maps disagree about how far apart the common positions are, their direction
     // means little: the spread in both counts, so that orientations always weigh at least twice
     // what positions can.
-    const double spread = (a.squaredNorm() + b.squaredNorm()) / static_cast<double>(n);
-    const double rounding =
-        kRounding * std::max(in_a.cwiseAbs().maxCoeff(), in_b.cwiseAbs().maxCoeff());
+    const double spread = (sum_of_squares(a) + sum_of_squares(b)) / static_cast<double>(n);
+    const double rounding = kRounding * std::max(largest(in_a), largest(in_b));
     if (spread > rounding * rounding) {
       weight = spread;
-      M = a * b.transpose();
-      positions = rotation_information<D>(a) / weight;
+      M = products<D>(a, b);
+      positions = rotation_information<D>(a);
+      for (int k = 0; k < K * K; ++k) positions.data()[k] /= weight;
     }
   }
   Mat<K, K> turning = positions;
-  for (Eigen::Index k = 0; k < common.rotations.size(); ++k) {
-    const Eigen::Map<const Mat<D, D>> a(common.rotations.a.data() + k * D * D);
-    const Eigen::Map<const Mat<D, D>> b(common.rotations.b.data() + k * D * D);
-    M.noalias() += weight * (a * b.transpose());
-    turning += Mat<K, K>::Identity() * (D - 1);
-  }
-  if (common.directions.size() > 0) {
-    M.noalias() += weight * (common.directions.in_a() * common.directions.in_b().transpose());
-    turning += rotation_information<D>(common.directions.in_a());
-  }
-  const auto by_positions = eigenvalues(positions);
+  // A matrix is D vectors.
+  const auto add = [&](const std::vector<double>& a, const std::vector<double>& b) {
+    const Mat<D, D> more = products<D>(a, b);
+    for (int k = 0; k < D * D; ++k) M.data()[k] += weight * more.data()[k];
+    turning += rotation_information<D>(a);
+  };
+  add(common.rotations.a, common.rotations.b);
+  add(common.directions.a, common.directions.b);
+  const Eigen::VectorXd by_positions = eigenvalues(positions);
   if (!(by_positions(0) > kRankTolerance * by_positions(K - 1)) &&
       !(eigenvalues(turning)(0) > kCrossing))
     return false;
@@ -164,18 +209,22 @@ template <int D>
 bool fit_translation(const CommonGeometry<D>& common, Rigid<D>& T) {
   const auto n = static_cast<double>(common.positions.size());
   if (n > 0) {
-    const Vec<D> mean_a = common.positions.in_a().rowwise().mean();
-    const Vec<D> mean_b = common.positions.in_b().rowwise().mean();
-    T.t = mean_a - T.R * mean_b;
+    const Vec<D> turned = T.R * mean<D>(common.positions.b);
+    T.t = mean<D>(common.positions.a) - turned;
   }
   if (common.offsets.size() == 0) return n > 0;
-  const auto normals = common.normals.in_a();
-  const Mat<D, D> crossing = normals * normals.transpose();
-  if (n == 0 && !(eigenvalues(crossing)(0) > kCrossing)) return false;
-  const Eigen::VectorXd missing = (common.offsets.in_a() - common.offsets.in_b()).transpose() -
-                                  normals.transpose() * Eigen::Matrix<double, D, 1>(T.t);
-  const Eigen::Matrix<double, D, D> N = crossing + n * Mat<D, D>::Identity();
-  T.t += N.ldlt().solve(normals * missing);
+  Mat<D, D> N = products<D>(common.normals.a, common.normals.a);
+  if (n == 0 && !(eigenvalues(N)(0) > kCrossing)) return false;
+  Eigen::VectorXd missing = Eigen::VectorXd::Zero(D);
+  for (std::size_t k = 0; k < common.offsets.a.size(); ++k) {
+    const double* const normal = common.normals.a.data() + k * D;
+    double distance = common.offsets.a[k] - common.offsets.b[k];
+    for (int i = 0; i < D; ++i) distance -= normal[i] * T.t(i);
+    for (int i = 0; i < D; ++i) missing(i) += normal[i] * distance;
+  }
+  for (int i = 0; i < D; ++i) N(i, i) += n;
+  const Eigen::VectorXd step = solve_definite(N, missing);
+  for (int i = 0; i < D; ++i) T.t(i) += step(i);
   return true;
 }
 
@@ -188,9 +237,10 @@ Mat<D, D> nearest_rotation(const Mat<D, D>& M) {
     return rotation_exp<2, double>(Vec<1>(angle));
   } else {
     const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    Eigen::Vector3d sign = Eigen::Vector3d::Ones();
-    if ((svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0) sign(2) = -1.0;
-    return svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
+    Eigen::Matrix3d U = svd.matrixU();
+    const auto rotation = [&] { return products<3>({U.data(), 9}, {svd.matrixV().data(), 9}); };
+    if (rotation().determinant() < 0.0) U.col(2) = -U.col(2);
+    return rotation();
   }
 }
 
