@@ -1,11 +1,11 @@
 #include "mapjoin/frames/anchors.h"
 
 #include <fmt/format.h>
-#include <Eigen/LU>
 
 #include <algorithm>
 
 #include "mapjoin/graph/check_local_map.h"
+#include "mapjoin/graph/dense.h"
 
 namespace mapjoin {
 
@@ -54,6 +54,13 @@ auto value_pointers(V& values, const std::vector<int>& variables) {
 template <int D>
 const AnchorKind<D>& pose_anchor_kind() {
   return kPoseAnchor<D>;
+}
+
+template <int D>
+Rigid<D> motion_into(const Rigid<D>& pose) {
+  Rigid<D> near = pose;  // one Newton step towards the nearest rotation
+  near.R = pose.R * (1.5 * Mat<D, D>::Identity() - 0.5 * (pose.R.transpose() * pose.R));
+  return near.inverse();
 }
 
 template <int D>
@@ -110,23 +117,25 @@ AnchorRows anchor_rows(const Anchor<D>& anchor, const Values<D>& values) {
     row += kind.dim;
     for (int k = 0; k < kind.dim; ++k) out.scalars.push_back(values.variables().offset(i) + k);
   }
-  out.C = out.P * g;
-  const Eigen::FullPivLU<Eigen::MatrixXd> lu(out.C);
-  if (!lu.isInvertible()) {
+  out.C = times(out.P, g);
+  if (!is_regular(out.C)) {
     throw DegenerateFrameError(
         fmt::format("{} does not fix a frame: what it pins leaves the map free to move; choose "
                     "other variables, or anchor the map at a pose",
                     to_string(anchor)));
   }
   for (int r = 0; r < G; ++r) {
-    const bool unit = (out.P.row(r).array() != 0.0).count() == 1;
-    if (!unit) {
+    int count = 0, scalar = 0;
+    for (int k = 0; k < anchor.kind->tangent; ++k) {
+      if (out.P(r, k) == 0.0) continue;
+      ++count;
+      scalar = out.scalars[static_cast<std::size_t>(k)];
+    }
+    if (count != 1) {
       out.pinned.clear();
       return out;
     }
-    Eigen::Index at = 0;
-    out.P.row(r).cwiseAbs().maxCoeff(&at);
-    out.pinned.push_back(out.scalars[static_cast<std::size_t>(at)]);
+    out.pinned.push_back(scalar);
   }
   std::sort(out.pinned.begin(), out.pinned.end());
   return out;
@@ -134,6 +143,7 @@ AnchorRows anchor_rows(const Anchor<D>& anchor, const Values<D>& values) {
 
 #define MAPJOIN_INSTANTIATE(D)                                                            \
   template const AnchorKind<D>& pose_anchor_kind<D>();                                    \
+  template Rigid<D> motion_into<D>(const Rigid<D>&);                                      \
   template std::string to_string<D>(const Anchor<D>&);                                    \
   template std::vector<int> anchor_variables<D>(const Anchor<D>&, const VariableSet<D>&); \
   template Rigid<D> motion_into<D>(const Anchor<D>&, const Values<D>&);                   \

@@ -25,11 +25,7 @@ Anchor<D> pose_anchor(const Key& key) {
 /// rotation lacks would be added to that of every variable each time, and so double with each
 /// frame.
 template <int D>
-Rigid<D> motion_into(const Rigid<D>& pose) {
-  Rigid<D> near = pose;  // one Newton step towards the nearest rotation
-  near.R = pose.R * (1.5 * Mat<D, D>::Identity() - 0.5 * (pose.R.transpose() * pose.R));
-  return near.inverse();
-}
+Rigid<D> motion_into(const Rigid<D>& pose);
 
 /// Is the anchor one pose, all of it? Then results are in that pose's frame.
 template <int D>

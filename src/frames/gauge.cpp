@@ -1,20 +1,19 @@
 #include "mapjoin/frames/gauge.h"
 
-#include <Eigen/LU>
-
 #include <algorithm>
+
+#include "mapjoin/graph/dense.h"
 
 namespace mapjoin {
 
 SymmetricBlockMatrix complete_gauge(const Eigen::MatrixXd& g, const AnchorRows& rows,
                                     const SymmetricBlockMatrix& anchored) {
-  const Eigen::MatrixXd K = rows.C.fullPivLu().solve(rows.P);
+  const Eigen::MatrixXd K = solve_regular(rows.C, rows.P);
   const Eigen::MatrixXd W = anchored.times(g);  // I g
   // g^T I g, symmetric to the last bit. What rounding leaves would belong to no gauge, and the next
   // completion, at another anchor, would add up that of all anchors before it: twice as much each
   // time.
-  const Eigen::MatrixXd gIg = g.transpose() * W;
-  const Eigen::MatrixXd M = 0.5 * (gIg + gIg.transpose());
+  const Eigen::MatrixXd M = symmetric_part(g.transpose() * W);
 
   const int n = anchored.size();
   std::vector<std::pair<int, int>> pairs;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "mapjoin/frames/anchors.h"
+#include "mapjoin/graph/dense.h"
 
 namespace mapjoin {
 
@@ -53,8 +54,8 @@ Relative relative(const Map<D>& map, const Covariance<D>& covariance, const Key&
   kind.transform(into, out.value.data(), 1);
   kind.gauge(out.value.data(), 1, g.data());
   J << -g, block;
-  const Eigen::MatrixXd half = J * joint(covariance, from, to) * J.transpose();
-  out.covariance = 0.5 * (half + half.transpose());
+  const Eigen::MatrixXd half = carried(J, joint(covariance, from, to));
+  out.covariance = symmetric_part(half);
   return out;
 }
 
@@ -87,6 +88,12 @@ Eigen::MatrixXd position_jacobian(const Values<D>& values, int variable) {
 }
 
 template <int D>
+Mat<D, D> position_covariance(const Values<D>& values, int variable,
+                              const Eigen::Ref<const Eigen::MatrixXd>& block) {
+  return carried(position_jacobian(values, variable), block);
+}
+
+template <int D>
 Distance distance(const Map<D>& map, const Covariance<D>& covariance, const Key& a, const Key& b) {
   const int i = map.variables().require(a, "distance");
   const int j = map.variables().require(b, "distance");
@@ -111,6 +118,8 @@ Distance distance(const Map<D>& map, const Covariance<D>& covariance, const Key&
 #define MAPJOIN_INSTANTIATE(D)                                                                \
   template Relative relative<D>(const Map<D>&, const Covariance<D>&, const Key&, const Key&); \
   template Eigen::MatrixXd position_jacobian<D>(const Values<D>&, int);                       \
+  template Mat<D, D> position_covariance<D>(const Values<D>&, int,                            \
+                                            const Eigen::Ref<const Eigen::MatrixXd>&);        \
   template Distance distance<D>(const Map<D>&, const Covariance<D>&, const Key&, const Key&);
 MAPJOIN_INSTANTIATE(2)
 MAPJOIN_INSTANTIATE(3)

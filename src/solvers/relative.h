@@ -52,9 +52,6 @@ Eigen::MatrixXd position_jacobian(const Values<D>& values, int variable);
 /// map.
 template <int D>
 Mat<D, D> position_covariance(const Values<D>& values, int variable,
-                              const Eigen::Ref<const Eigen::MatrixXd>& block) {
-  const Eigen::MatrixXd J = position_jacobian(values, variable);
-  return J * block * J.transpose();
-}
+                              const Eigen::Ref<const Eigen::MatrixXd>& block);
 
 }  // namespace mapjoin
