@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -14,6 +13,7 @@
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/change_frame.h"
 #include "mapjoin/graph/builtin_types.h"
+#include "mapjoin/graph/dense.h"
 #include "mapjoin/graph/index.h"
 #include "mapjoin/graph/symmetric.h"
 #include "mapjoin/joining/common_points.h"
@@ -66,9 +66,8 @@ Spots<D> spots_of(const Map<D>& map, const Covariance<D>& covariance, std::vecto
   Spots<D> out = places_of(map, std::move(variables));
   const CovarianceBlocks blocks = covariance.blocks(out.variables);
   for (std::size_t k = 0; k < out.variables.size(); ++k) {
-    const Eigen::Matrix<double, D, D> S =
-        position_covariance(map.values, out.variables[k], Eigen::MatrixXd(blocks.block(k)));
-    out.variance[k] = std::max(0.0, eigenvalues(S).maxCoeff());
+    const Mat<D, D> S = position_covariance(map.values, out.variables[k], blocks.block(k));
+    out.variance[k] = std::max(0.0, eigenvalues(S)(D - 1));
   }
   return out;
 }
@@ -237,8 +236,7 @@ std::vector<int> rows_of(const VariableSet<D>& all, const std::vector<int>& vari
 
 template <int D>
 Eigen::MatrixXd joint(const Covariance<D>& covariance, const std::vector<int>& variables) {
-  const Eigen::MatrixXd half = covariance.between(variables, variables);
-  return 0.5 * (half + half.transpose());
+  return symmetric_part(covariance.between(variables, variables));
 }
 
 template <int D>
@@ -285,8 +283,10 @@ CandidatePairs PairMaker<D>::within_gate(CandidatePairs pairs, double probabilit
   for (int p = 0; p < pairs.size(); ++p) {
     const CandidatePairs::Pair& pair = pairs.pairs[at(p)];
     const Eigen::VectorXd r = pairs.innovation(p);
-    if (p < pairs.known || r.dot(pairs.covariance(p, p).ldlt().solve(r)) <= gates[at(pair.dim)])
-      kept.emplace_back(pair.b, pair.a);
+    const auto distance = [&] {
+      return r.dot(Eigen::VectorXd(solve_definite(pairs.covariance(p, p), r)));
+    };
+    if (p < pairs.known || distance() <= gates[at(pair.dim)]) kept.emplace_back(pair.b, pair.a);
   }
   if (kept.size() < pairs.pairs.size()) pairs = make(kept, pairs.known);
   pairs.gates = std::move(gates);
@@ -304,7 +304,7 @@ void PairMaker<D>::set_density(CandidatePairs& pairs, double of_points) const {
       continue;
     }
     double sum = -0.5 * pairs.gate_of(p);  // log N(r; 0, S) at the gate
-    for (const double d : Eigen::VectorXd(pairs.covariance(p, p).ldlt().vectorD()))
+    for (const double d : pivots_of(pairs.covariance(p, p)))
       sum -=
           0.5 * std::log(2.0 * std::numbers::pi * std::max(d, std::numeric_limits<double>::min()));
     pairs.log_density.push_back(sum);
@@ -316,21 +316,46 @@ void PairMaker<D>::set_density(CandidatePairs& pairs, double of_points) const {
 Eigen::MatrixXd CandidatePairs::covariance(int p, int q) const {
   const Pair& x = pairs[at(p)];
   const Pair& y = pairs[at(q)];
-  const Eigen::Map<const Eigen::MatrixXd> Jx(slopes.data() + x.slope, x.dim, x.dim);
-  const Eigen::Map<const Eigen::MatrixXd> Jy(slopes.data() + y.slope, y.dim, y.dim);
-  return Jx * covariance_a.block(x.row_a, y.row_a, x.dim, y.dim) * Jy.transpose() +
-         covariance_b.block(x.row_b, y.row_b, x.dim, y.dim);
+  const double* const Jx = slopes.data() + x.slope;
+  const double* const Jy = slopes.data() + y.slope;
+  Eigen::MatrixXd of_a(x.dim, y.dim), out(x.dim, y.dim);
+  for (int c = 0; c < y.dim; ++c) {
+    for (int r = 0; r < x.dim; ++r) {
+      double sum = 0.0;
+      for (int k = 0; k < x.dim; ++k)
+        sum += Jx[k * x.dim + r] * covariance_a(x.row_a + k, y.row_a + c);
+      of_a(r, c) = sum;
+    }
+  }
+  for (int c = 0; c < y.dim; ++c) {
+    for (int r = 0; r < x.dim; ++r) {
+      double sum = 0.0;
+      for (int k = 0; k < y.dim; ++k) sum += of_a(r, k) * Jy[k * y.dim + c];
+      out(r, c) = sum + covariance_b(x.row_b + r, y.row_b + c);
+    }
+  }
+  return out;
 }
 
 Eigen::MatrixXd CandidatePairs::covariance_with(int q) const {
   const Pair& y = pairs[at(q)];
-  const Eigen::Map<const Eigen::MatrixXd> Jy(slopes.data() + y.slope, y.dim, y.dim);
-  const Eigen::MatrixXd of_a = covariance_a.middleCols(y.row_a, y.dim) * Jy.transpose();
+  const double* const Jy = slopes.data() + y.slope;
+  Eigen::MatrixXd of_a = Eigen::MatrixXd::Zero(covariance_a.rows(), y.dim);
   Eigen::MatrixXd out(innovations.size(), y.dim);
-  for (const Pair& x : pairs) {
-    const Eigen::Map<const Eigen::MatrixXd> Jx(slopes.data() + x.slope, x.dim, x.dim);
-    out.middleRows(x.row, x.dim) = Jx.lazyProduct(of_a.middleRows(x.row_a, x.dim));
-    out.middleRows(x.row, x.dim) += covariance_b.block(x.row_b, y.row_b, x.dim, y.dim);
+  for (int c = 0; c < y.dim; ++c) {
+    for (int k = 0; k < y.dim; ++k) {
+      const double slope = Jy[k * y.dim + c];
+      for (Eigen::Index r = 0; r < of_a.rows(); ++r)
+        of_a(r, c) += covariance_a(r, y.row_a + k) * slope;
+    }
+    for (const Pair& x : pairs) {
+      const double* const Jx = slopes.data() + x.slope;
+      for (int r = 0; r < x.dim; ++r) {
+        double sum = 0.0;
+        for (int k = 0; k < x.dim; ++k) sum += Jx[k * x.dim + r] * of_a(x.row_a + k, c);
+        out(x.row + r, c) = sum + covariance_b(x.row_b + r, y.row_b + c);
+      }
+    }
   }
   return out;
 }

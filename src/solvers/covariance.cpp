@@ -1,13 +1,13 @@
 #include "mapjoin/solvers/covariance.h"
 
 #include <fmt/format.h>
-#include <Eigen/LU>
 
 #include <algorithm>
 #include <numeric>
 
 #include "mapjoin/frames/exact_gauge.h"
 #include "mapjoin/frames/gauge.h"
+#include "mapjoin/graph/dense.h"
 #include "mapjoin/graph/index.h"
 #include "mapjoin/graph/piece.h"
 #include "mapjoin/solvers/block_system.h"
@@ -69,23 +69,28 @@ struct Covariance<D>::State {
   void choose_frame(const Map<D>& map);
   void factorize(SymmetricBlockMatrix information);
   int dim(int i) const { return offsets[at(i) + 1] - offsets[at(i)]; }
-  auto gauge_of(int i) const { return g.middleRows(offsets[at(i)], dim(i)); }
   /// B = Sigma B in the frame of what is held.
   void apply(Eigen::MatrixXd& B) const {
     clear_held(B);
     factor.solve_in_place(B);
     clear_held(B);
   }
-  void clear_held(Eigen::Ref<Eigen::MatrixXd> B) const {
+  void clear_held(Eigen::MatrixXd& B) const {
     for (std::size_t s = 0; s < held.size(); ++s) {
-      if (held[s] != 0) B.row(static_cast<Eigen::Index>(s)).setZero();
+      for (Eigen::Index c = 0; held[s] != 0 && c < B.cols(); ++c)
+        B(static_cast<Eigen::Index>(s), c) = 0.0;
     }
   }
   /// K B.
   Eigen::MatrixXd anchored(const Eigen::MatrixXd& B) const {
     Eigen::MatrixXd out = Eigen::MatrixXd::Zero(K.rows(), B.cols());
-    for (std::size_t k = 0; k < scalars.size(); ++k)
-      out += K.col(static_cast<Eigen::Index>(k)) * B.row(scalars[k]);
+    for (Eigen::Index c = 0; c < B.cols(); ++c) {
+      for (std::size_t k = 0; k < scalars.size(); ++k) {
+        const double b = B(scalars[k], c);
+        for (Eigen::Index r = 0; r < K.rows(); ++r)
+          out(r, c) += K(r, static_cast<Eigen::Index>(k)) * b;
+      }
+    }
     return out;
   }
   void project(CovarianceBlocks& out) const;
@@ -128,7 +133,7 @@ void Covariance<D>::State::choose_frame(const Map<D>& map) {
   if (!projects) return;
   g = map.values.gauge();
   scalars = rows.scalars;
-  K = rows.C.fullPivLu().solve(rows.P);
+  K = solve_regular(rows.C, rows.P);
 }
 
 template <int D>
@@ -158,18 +163,30 @@ void Covariance<D>::State::factorize(SymmetricBlockMatrix information) {
 // J Sigma J^T = Sigma - g Y^T - Y g^T + g (K Y) g^T with Y = Sigma K^T.
 template <int D>
 void Covariance<D>::State::project(CovarianceBlocks& out) const {
-  Eigen::MatrixXd Y = Eigen::MatrixXd::Zero(offsets.back(), K.rows());
-  for (std::size_t k = 0; k < scalars.size(); ++k)
-    Y.row(scalars[k]) = K.col(static_cast<Eigen::Index>(k)).transpose();
+  constexpr int G = kGauge<D>;
+  Eigen::MatrixXd Y = Eigen::MatrixXd::Zero(offsets.back(), G);
+  for (std::size_t k = 0; k < scalars.size(); ++k) {
+    for (int c = 0; c < G; ++c) Y(scalars[k], c) = K(c, static_cast<Eigen::Index>(k));
+  }
   apply(Y);
   const Eigen::MatrixXd M = anchored(Y);
+  std::vector<double> half;  // (Y - g M / 2) g^T
   for (std::size_t k = 0; k < out.size(); ++k) {
-    const int i = out.variables[k];
-    Eigen::Map<Eigen::MatrixXd> block(out.values.data() + out.start[k], dim(i), dim(i));
-    const auto gi = gauge_of(i);
-    const Eigen::MatrixXd half =
-        (Y.middleRows(offsets[at(i)], dim(i)) - 0.5 * gi * M) * gi.transpose();
-    block -= half + half.transpose();
+    const int row = offsets[at(out.variables[k])];
+    const int n = out.dims[k];
+    half.assign(at(n * n), 0.0);
+    for (int r = 0; r < n; ++r) {
+      for (int c = 0; c < G; ++c) {
+        double gM = 0.0;
+        for (int p = 0; p < G; ++p) gM += g(row + r, p) * M(p, c);
+        const double left = Y(row + r, c) - 0.5 * gM;
+        for (int s = 0; s < n; ++s) half[at(s * n + r)] += left * g(row + s, c);
+      }
+    }
+    double* const block = out.values.data() + out.start[k];
+    for (int c = 0; c < n; ++c) {
+      for (int r = 0; r < n; ++r) block[c * n + r] -= half[at(c * n + r)] + half[at(r * n + c)];
+    }
   }
 }
 
@@ -257,20 +274,25 @@ Eigen::MatrixXd Covariance<D>::between(std::span<const int> rows,
       const auto [j, k] = scalar[first + at(c)];
       if (s.pinned[at(s.offsets[at(j)] + k)] != 0) continue;
       B(s.offsets[at(j)] + k, c) = 1.0;
-      for (std::size_t r = 0; r < s.scalars.size(); ++r)
-        B(s.scalars[r], c) -= s.K.col(static_cast<Eigen::Index>(r)).dot(s.gauge_of(j).row(k));
+      for (std::size_t r = 0; r < s.scalars.size(); ++r) {
+        double Kg = 0.0;
+        for (int p = 0; p < kGauge<D>; ++p)
+          Kg += s.K(p, static_cast<Eigen::Index>(r)) * s.g(s.offsets[at(j)] + k, p);
+        B(s.scalars[r], c) -= Kg;
+      }
     }
     s.apply(B);
     const Eigen::MatrixXd shift = s.anchored(B);
     Eigen::Index row = 0;
     for (const int i : rows) {
-      auto part = out.block(row, static_cast<Eigen::Index>(first), s.dim(i), width);
-      part = B.middleRows(s.offsets[at(i)], s.dim(i));
-      if (s.projects) part -= s.gauge_of(i) * shift;
-      for (int r = 0; r < s.dim(i); ++r) {
-        if (s.pinned[at(s.offsets[at(i)] + r)] != 0) part.row(r).setZero();
+      for (int there = s.offsets[at(i)]; there < s.offsets[at(i) + 1]; ++there, ++row) {
+        for (Eigen::Index c = 0; c < width; ++c) {
+          double gs = 0.0;
+          for (int p = 0; s.projects && p < kGauge<D>; ++p) gs += s.g(there, p) * shift(p, c);
+          out(row, static_cast<Eigen::Index>(first) + c) =
+              s.pinned[at(there)] != 0 ? 0.0 : B(there, c) - gs;
+        }
       }
-      row += s.dim(i);
     }
   }
   return out;
@@ -281,7 +303,7 @@ Eigen::MatrixXd Covariance<D>::of(std::span<const Key> keys) const {
   std::vector<int> numbers;
   for (const Key& key : keys) numbers.push_back(state_->variables.require(key, "covariance"));
   const Eigen::MatrixXd half = between(numbers, numbers);
-  return 0.5 * (half + half.transpose());
+  return symmetric_part(half);
 }
 
 template <int D>

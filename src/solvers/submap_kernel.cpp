@@ -1,10 +1,11 @@
 #include "mapjoin/solvers/submap_kernel.h"
 
-#include <Eigen/LU>
-
 #include <algorithm>
+#include <array>
 #include <cstring>
+#include <vector>
 
+#include "mapjoin/graph/dense.h"
 #include "mapjoin/graph/index.h"
 
 namespace mapjoin {
@@ -12,38 +13,79 @@ namespace mapjoin {
 namespace {
 
 using Eigen::Dynamic;
-template <int R, int C>
-using Matrix = Eigen::Matrix<double, R, C>;
-template <int R, int C>
-using View = Eigen::Map<Matrix<R, C>>;
-template <int R, int C>
-using ConstView = Eigen::Map<const Matrix<R, C>>;
 
-/// Adds B at block (row, column) of the symmetric target, on whichever side of the diagonal it
-/// lies. On the diagonal B stands for one half of the symmetric pair (B + B^T) unless it is
-/// `whole`.
-template <class Derived>
-void add_block(const DenseTarget& target, std::int64_t row, std::int64_t column,
-               const Eigen::MatrixBase<Derived>& B, bool whole) {
-  if (row < column) {
-    for (Eigen::Index i = 0; i < B.rows(); ++i) {
-      double* const to = target.column(row + i) + column;
-      for (Eigen::Index j = 0; j < B.cols(); ++j) to[j] += B(i, j);
-    }
-    return;
-  }
-  for (Eigen::Index j = 0; j < B.cols(); ++j) {
-    double* const to = target.column(column + j) + row;
-    for (Eigen::Index i = 0; i < B.rows(); ++i) to[i] += B(i, j);
-    if (row == column && !whole) {
-      for (Eigen::Index i = 0; i < B.rows(); ++i) to[i] += B(j, i);
+// Small matrices by columns, as plain loops: as expressions the sizes below cost the compiler a
+// minute. M, K, N are the sizes where it may know them, Dynamic elsewhere.
+
+/// C += A B, m x k times k x n.
+template <int M, int K, int N>
+void add_product(const double* A, const double* B, double* C, int m, int k, int n) {
+  if constexpr (M != Dynamic) m = M;
+  if constexpr (K != Dynamic) k = K;
+  if constexpr (N != Dynamic) n = N;
+  for (int j = 0; j < n; ++j) {
+    if constexpr (M != Dynamic) {
+      double column[M] = {};
+      for (int p = 0; p < k; ++p) {
+        for (int i = 0; i < M; ++i) column[i] += A[p * M + i] * B[j * k + p];
+      }
+      for (int i = 0; i < M; ++i) C[j * M + i] += column[i];
+    } else {
+      for (int i = 0; i < m; ++i) {
+        double sum = 0.0;
+        for (int p = 0; p < k; ++p) sum += A[p * m + i] * B[j * k + p];
+        C[j * m + i] += sum;
+      }
     }
   }
 }
 
-template <class Derived>
-void add_rhs(const DenseTarget& target, std::int64_t row, const Eigen::MatrixBase<Derived>& b) {
-  for (Eigen::Index i = 0; i < b.size(); ++i) target.rhs(row + i) += b(i);
+/// C += A^T B, A m x k and B m x n.
+template <int M, int K, int N>
+void add_transposed_product(const double* A, const double* B, double* C, int m, int k, int n) {
+  if constexpr (M != Dynamic) m = M;
+  if constexpr (K != Dynamic) k = K;
+  if constexpr (N != Dynamic) n = N;
+  for (int j = 0; j < n; ++j) {
+    for (int i = 0; i < k; ++i) {
+      double sum = 0.0;
+      for (int p = 0; p < m; ++p) sum += A[i * m + p] * B[j * m + p];
+      C[j * k + i] += sum;
+    }
+  }
+}
+
+/// Zeros, without the heap where the size is known.
+template <int Size>
+auto zeros(int size) {
+  if constexpr (Size > 0)
+    return std::array<double, static_cast<std::size_t>(Size)>{};
+  else
+    return std::vector<double>(at(size), 0.0);
+}
+
+/// Adds B at block (row, column) of the symmetric target, on whichever side of the diagonal it
+/// lies. On the diagonal B stands for one half of the symmetric pair (B + B^T) unless it is
+/// `whole`.
+template <int R, int C>
+void add_block(const DenseTarget& target, std::int64_t row, std::int64_t column, const double* B,
+               int rows, int columns, bool whole) {
+  if constexpr (R != Dynamic) rows = R;
+  if constexpr (C != Dynamic) columns = C;
+  if (row < column) {
+    for (int i = 0; i < rows; ++i) {
+      double* const to = target.column(row + i) + column;
+      for (int j = 0; j < columns; ++j) to[j] += B[j * rows + i];
+    }
+    return;
+  }
+  for (int j = 0; j < columns; ++j) {
+    double* const to = target.column(column + j) + row;
+    for (int i = 0; i < rows; ++i) to[i] += B[j * rows + i];
+    if (row == column && !whole) {
+      for (int i = 0; i < rows; ++i) to[i] += B[i * rows + j];
+    }
+  }
 }
 
 /// One term: pointers into the scratch. r, y: dim; U = S g, M: dim x G; V = S D: dim x dim.
@@ -60,21 +102,28 @@ template <int G, int R, int C>
 double add_information(const double* block, int rows, int columns, bool diagonal, const Term& s,
                        const Term& t, const DenseTarget* target, std::int64_t row,
                        std::int64_t column) {
-  const ConstView<R, C> I(block, rows, columns);
-  const Matrix<R, 1> Ir = I * ConstView<C, 1>(t.r, columns, 1);
-  View<R, 1>(s.y, rows, 1) += Ir;
-  double sum = ConstView<R, 1>(s.r, rows, 1).dot(Ir);
+  if constexpr (R != Dynamic) rows = R;
+  if constexpr (C != Dynamic) columns = C;
+  auto Ir = zeros<R>(rows);
+  add_product<R, C, 1>(block, t.r, Ir.data(), rows, columns, 1);
+  double sum = 0.0;
+  for (int i = 0; i < rows; ++i) {
+    s.y[i] += Ir[at(i)];
+    sum += s.r[i] * Ir[at(i)];
+  }
   if (!diagonal) {
-    View<C, 1>(t.y, columns, 1).noalias() += I.transpose() * ConstView<R, 1>(s.r, rows, 1);
+    add_transposed_product<R, C, 1>(block, s.r, t.y, rows, columns, 1);
     sum *= 2.0;
   }
   if (target == nullptr) return sum;
-  View<R, G>(s.M, rows, G).noalias() += I * ConstView<C, G>(t.U, columns, G);
-  if (!diagonal)
-    View<C, G>(t.M, columns, G).noalias() += I.transpose() * ConstView<R, G>(s.U, rows, G);
-  const Matrix<R, C> IV = I * ConstView<C, C>(t.V, columns, columns);
-  add_block(*target, row, column, (ConstView<R, R>(s.V, rows, rows).transpose() * IV).eval(),
-            diagonal);
+  add_product<R, C, G>(block, t.U, s.M, rows, columns, G);
+  if (!diagonal) add_transposed_product<R, C, G>(block, s.U, t.M, rows, columns, G);
+  constexpr int kSize = R == Dynamic ? Dynamic : R * C;
+  auto IV = zeros<kSize>(rows * columns);
+  auto VIV = zeros<kSize>(rows * columns);
+  add_product<R, C, C>(block, t.V, IV.data(), rows, columns, columns);
+  add_transposed_product<R, R, C>(s.V, IV.data(), VIV.data(), rows, rows, columns);
+  add_block<R, C>(*target, row, column, VIV.data(), rows, columns, diagonal);
   return sum;
 }
 
@@ -136,14 +185,18 @@ AnchorState<D> anchor_state(const MeasurementGraph<D>& graph, std::size_t observ
     type.frame_jacobian(state.into, moved.back().data(), 1, J.data());
     type.transform(state.into, moved.back().data(), 1);
     type.gauge(moved.back().data(), 1, rows.data());
-    g.middleRows(row, type.dim) = rows;
-    change.block(row, row, type.dim, type.dim) = J;
+    for (int c = 0; c < G; ++c) {
+      for (int r = 0; r < type.dim; ++r) g(row + r, c) = rows(r, c);
+    }
+    for (int c = 0; c < type.dim; ++c) {
+      for (int r = 0; r < type.dim; ++r) change(row + r, row + c) = J(r, c);
+    }
     row += type.dim;
   }
   for (const auto& x : moved) pointers.push_back(x.data());
   Eigen::MatrixXd P(G, kind.tangent);
   kind.rows(pointers.data(), P.data());
-  state.K = (P * g).fullPivLu().solve(P) * change;
+  state.K = times(solve_regular(times(P, g), P), change);
   return state;
 }
 
@@ -196,7 +249,7 @@ double linearize_submap(const MeasurementGraph<D>& graph, std::size_t observatio
   double* const moved = V + squares;
   std::vector<Term> views;
   views.reserve(at(terms));
-  Eigen::MatrixXd S, J;  // small
+  std::vector<double> S, J, g;
   for (int t = 0; t < terms; ++t) {
     const VariableKind<D>& kind = all.kind(maps.term_variable[at(first_term + t)]);
     const int f = scratch.first[at(t)];
@@ -208,14 +261,15 @@ double linearize_submap(const MeasurementGraph<D>& graph, std::size_t observatio
     views.push_back({r + f, y + f, U + static_cast<std::ptrdiff_t>(f) * G,
                      M + static_cast<std::ptrdiff_t>(f) * G, V});
     if (target != nullptr) {
-      S.resize(kind.dim, kind.dim);
-      J.resize(kind.dim, kind.dim);
+      const int dim = kind.dim;
+      S.resize(at(dim * dim));
+      J.resize(at(dim * dim));
+      g.resize(at(dim * G));
       kind.local_jacobian(z, moved, 1, S.data());
-      Eigen::Map<Eigen::MatrixXd> g(views.back().U, kind.dim, G);
-      kind.gauge(moved, 1, views.back().U);
-      g = (S * g).eval();
+      kind.gauge(moved, 1, g.data());
+      add_product<Dynamic, Dynamic, G>(S.data(), g.data(), views.back().U, dim, dim, G);
       kind.frame_jacobian(anchor.into, x, 1, J.data());
-      Eigen::Map<Eigen::MatrixXd>(V, kind.dim, kind.dim).noalias() = S * J;
+      add_product<Dynamic, Dynamic, Dynamic>(S.data(), J.data(), V, dim, dim, dim);
     }
     V += kind.dim * kind.dim;
   }
@@ -234,46 +288,52 @@ double linearize_submap(const MeasurementGraph<D>& graph, std::size_t observatio
   }
   if (target == nullptr) return sum;
 
-  Matrix<G, G> around = Matrix<G, G>::Zero();
-  Matrix<G, 1> turn = Matrix<G, 1>::Zero();
+  Eigen::MatrixXd around = Eigen::MatrixXd::Zero(G, G);
+  std::array<double, G> turn{};
+  std::vector<double> down, towards, part;
   for (int t = 0; t < terms; ++t) {
     const int dim = dim_of(t);
     const Term& term = views[at(t)];
-    const ConstView<Dynamic, G> Ut(term.U, dim, G), Mt(term.M, dim, G);
-    const ConstView<Dynamic, Dynamic> Vt(term.V, dim, dim);
-    const ConstView<Dynamic, 1> yt(term.y, dim, 1);
-    around.noalias() += Ut.transpose() * Mt;
-    turn.noalias() += Ut.transpose() * yt;
-    add_rhs(*target, row_of(t), (-(Vt.transpose() * yt)).eval());
-    const Matrix<Dynamic, G> towards = -(Vt.transpose() * Mt);
+    add_transposed_product<Dynamic, G, G>(term.U, term.M, around.data(), dim, G, G);
+    add_transposed_product<Dynamic, G, 1>(term.U, term.y, turn.data(), dim, G, 1);
+    down.assign(at(dim), 0.0);
+    add_transposed_product<Dynamic, Dynamic, 1>(term.V, term.y, down.data(), dim, dim, 1);
+    for (int i = 0; i < dim; ++i) target->rhs(row_of(t) + i) -= down[at(i)];
+    towards.assign(at(dim * G), 0.0);
+    add_transposed_product<Dynamic, Dynamic, G>(term.V, term.M, towards.data(), dim, dim, G);
+    for (double& x : towards) x = -x;
     if (anchor.identity) {
-      add_block(*target, row_of(t), rows[0], towards, false);
+      add_block<Dynamic, G>(*target, row_of(t), rows[0], towards.data(), dim, G, false);
       continue;
     }
-    int column = 0;
+    const double* K = anchor.K.data();
     for (int a = 0; a < anchors; ++a) {
       const int width = all.dim(maps.anchor_variables[at(first_anchor + a)]);
-      add_block(*target, row_of(t), rows[at(a)],
-                (towards * anchor.K.middleCols(column, width)).eval(), false);
-      column += width;
+      part.assign(at(dim * width), 0.0);
+      add_product<Dynamic, G, Dynamic>(towards.data(), K, part.data(), dim, G, width);
+      add_block<Dynamic, Dynamic>(*target, row_of(t), rows[at(a)], part.data(), dim, width, false);
+      K += width * G;
     }
   }
   if (anchor.identity) {
-    add_block(*target, rows[0], rows[0], around, true);
-    add_rhs(*target, rows[0], turn);
+    add_block<G, G>(*target, rows[0], rows[0], around.data(), G, G, true);
+    for (int i = 0; i < G; ++i) target->rhs(rows[0] + i) += turn[at(i)];
     return sum;
   }
-  const Eigen::MatrixXd KAK = anchor.K.transpose() * around * anchor.K;
-  const Eigen::VectorXd Kturn = anchor.K.transpose() * turn;
+  const Eigen::MatrixXd KAK = carried(anchor.K.transpose(), around);
   int column = 0;
   for (int a = 0; a < anchors; ++a) {
     const int width = all.dim(maps.anchor_variables[at(first_anchor + a)]);
-    add_rhs(*target, rows[at(a)], Kturn.segment(column, width));
+    part.assign(at(width), 0.0);
+    add_transposed_product<G, Dynamic, 1>(anchor.K.data() + column * G, turn.data(), part.data(), G,
+                                          width, 1);
+    for (int i = 0; i < width; ++i) target->rhs(rows[at(a)] + i) += part[at(i)];
     int other = 0;
     for (int b = 0; b <= a; ++b) {
       const int depth = all.dim(maps.anchor_variables[at(first_anchor + b)]);
-      add_block(*target, rows[at(a)], rows[at(b)], KAK.block(column, other, width, depth).eval(),
-                true);
+      const Eigen::MatrixXd block = KAK.block(column, other, width, depth);
+      add_block<Dynamic, Dynamic>(*target, rows[at(a)], rows[at(b)], block.data(), width, depth,
+                                  true);
       other += depth;
     }
     column += width;
