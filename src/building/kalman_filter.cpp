@@ -2,12 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <optional>
 
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/gauge.h"
+#include "mapjoin/graph/dense.h"
 #include "mapjoin/graph/error.h"
 #include "mapjoin/graph/index.h"
 #include "mapjoin/solvers/dense_blas.h"
@@ -15,8 +15,6 @@
 namespace mapjoin {
 
 namespace {
-
-using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // Sigma of a feature before its first measurement, by its distance from the pose that measures it.
 // It is placed to a fifth of that at least (delayed.h), so this adds next to nothing; and far more
@@ -26,18 +24,29 @@ constexpr double kNothingKnown = 100.0;
 /// A measurement linearised: r + J_a da + J_x dx = n.
 struct Linear {
   Eigen::VectorXd r;
-  RowMajor Ja, Jx;
+  Eigen::MatrixXd Ja, Jx;
   Eigen::MatrixXd noise;  // covariance of n
 };
+
+/// From rows that lie one after another.
+Eigen::MatrixXd by_rows(const std::vector<double>& numbers, int rows, int columns) {
+  Eigen::MatrixXd out(rows, columns);
+  for (int r = 0; r < rows; ++r) {
+    for (int c = 0; c < columns; ++c) out(r, c) = numbers[at(r * columns + c)];
+  }
+  return out;
+}
 
 template <int D>
 Linear linearized(const LocalMeasurement<D>& m, const Values<D>& values) {
   const int n = m.model->dim;
-  Linear out{Eigen::VectorXd(n), RowMajor(n, kGauge<D>), RowMajor(n, m.model->target->dim), {}};
-  m.model->linearize(m.z, values.value(m.from), nullptr, values.value(m.to), nullptr, out.r.data(),
-                     out.Ja.data(), out.Jx.data());
-  out.noise = Eigen::Map<const Eigen::MatrixXd>(m.info, n, n).inverse();
-  return out;
+  const int dim = m.model->target->dim;
+  Eigen::VectorXd r(n);
+  std::vector<double> Ja(at(n * kGauge<D>)), Jx(at(n * dim));
+  m.model->linearize(m.z, values.value(m.from), nullptr, values.value(m.to), nullptr, r.data(),
+                     Ja.data(), Jx.data());
+  return {r, by_rows(Ja, n, kGauge<D>), by_rows(Jx, n, dim),
+          inverse_of(Eigen::Map<const Eigen::MatrixXd>(m.info, n, n))};
 }
 
 /// How far a measurement looks, in metres; of what has no position, at least one.
@@ -121,7 +130,7 @@ void KalmanFilter<D>::take() {
     const double sigma = kNothingKnown * distance(m, values_);
     const int row = enter(m.to);
     Eigen::MatrixXd column = P_.columns(row, kind(m.to).dim);
-    column.middleRows(row, column.cols()).diagonal().setConstant(sigma * sigma);
+    for (Eigen::Index s = 0; s < column.cols(); ++s) column(row + s, s) = sigma * sigma;
     P_.set_columns(row, column);
   }
   std::vector<int> now;
@@ -154,16 +163,15 @@ void KalmanFilter<D>::augment(const LocalMeasurement<D>& m) {
     values_.pose(fresh) = values_.pose(old) * step.inverse();
   }
   const Linear l = linearized(m, values_);
-  const Eigen::MatrixXd inverse =
-      (forward ? Eigen::MatrixXd(l.Jx) : Eigen::MatrixXd(l.Ja)).inverse();
-  const Eigen::MatrixXd G = -inverse * (forward ? l.Ja : l.Jx);
-  Eigen::MatrixXd noise = inverse * l.noise * inverse.transpose();
+  const Eigen::MatrixXd inverse = inverse_of(forward ? l.Jx : l.Ja);
+  const Eigen::MatrixXd G = -times(inverse, forward ? l.Ja : l.Jx);
+  Eigen::MatrixXd noise = carried(inverse, l.noise);
   const int row = enter(fresh);
   const int dim = kind(fresh).dim;
   Eigen::MatrixXd column = Eigen::MatrixXd::Zero(P_.size(), dim);
   if (const int from = row_[at(old)]; from >= 0) {  // the fixed pose is without error
-    column = P_.columns(from, kind(old).dim) * G.transpose();
-    noise += G * column.middleRows(from, kind(old).dim);
+    column = times(P_.columns(from, kind(old).dim), G.transpose());
+    noise += times(G, column.middleRows(from, kind(old).dim));
   }
   column.middleRows(row, dim) = noise;
   P_.set_columns(row, column);
@@ -176,7 +184,7 @@ void KalmanFilter<D>::update(const std::vector<int>& measurements) {
   if (measurements.empty()) return;
   struct Term {
     int first, row;  ///< of its rows in the stack, and in P
-    RowMajor J;
+    Eigen::MatrixXd J;
   };
   std::vector<Term> terms;
   int rows = 0;
@@ -191,11 +199,10 @@ void KalmanFilter<D>::update(const std::vector<int>& measurements) {
     const int dim = m.model->dim;
     r.middleRows(stack, dim) = l.r;
     S.block(stack, stack, dim, dim) = l.noise;
-    const auto put = [&](int variable, RowMajor& J) {
+    const auto put = [&](int variable, Eigen::MatrixXd& J) {
       const int row = row_[at(variable)];
       if (row < 0) return;
-      X.middleCols(stack, dim).noalias() +=
-          P_.columns(row, static_cast<int>(J.cols())) * J.transpose();
+      X.middleCols(stack, dim) += times(P_.columns(row, static_cast<int>(J.cols())), J.transpose());
       terms.push_back({stack, row, std::move(J)});
     };
     put(m.from, l.Ja);
@@ -203,13 +210,13 @@ void KalmanFilter<D>::update(const std::vector<int>& measurements) {
     stack += dim;
   }
   for (const Term& term : terms)
-    S.middleRows(term.first, term.J.rows()) += term.J * X.middleRows(term.row, term.J.cols());
+    S.middleRows(term.first, term.J.rows()) += times(term.J, X.middleRows(term.row, term.J.cols()));
   if (factor_lower(S) >= 0) throw_indefinite();
   solve_lower_right(S, X);
   solve_lower_left(S, r);
   chi2_ += r.squaredNorm();
   P_.subtract_square(X);
-  move(-(X * r));
+  move(-times(X, r));
 }
 
 /// x [+] d, and the covariance in the tangents there.
@@ -279,8 +286,8 @@ Map<D> KalmanFilter<D>::map() const {
   Map<D> map;
   map.values = subset(values_, std::span<const int>(kept));
   map.anchor = map.solved_in = pose_anchor<D>(problem_->variables.key(first()));
-  std::vector<int> rows;            // in P
-  std::vector<Eigen::Index> place;  // in the map
+  std::vector<int> rows;   // in P
+  std::vector<int> place;  // in the map
   for (std::size_t k = 0; k < kept.size(); ++k) {
     for (int s = 0; s < kind(kept[k]).dim && row_[at(kept[k])] >= 0; ++s) {
       rows.push_back(row_[at(kept[k])] + s);
@@ -289,9 +296,7 @@ Map<D> KalmanFilter<D>::map() const {
   }
   const std::optional<Eigen::MatrixXd> information = P_.information(rows);
   if (!information) throw_indefinite();
-  Eigen::MatrixXd anchored =
-      Eigen::MatrixXd::Zero(map.variables().scalars(), map.variables().scalars());
-  anchored(place, place) = *information;
+  const Eigen::MatrixXd anchored = embedded(*information, place, map.variables().scalars());
   map.information =
       complete_gauge(map.values, map.anchor,
                      SymmetricBlockMatrix::from_dense(map.variables().offsets(), anchored));

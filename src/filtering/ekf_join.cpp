@@ -1,8 +1,6 @@
 #include "mapjoin/filtering/ekf_join.h"
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
 
 #include <cstring>
 #include <optional>
@@ -10,6 +8,7 @@
 
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/gauge.h"
+#include "mapjoin/graph/dense.h"
 #include "mapjoin/graph/error.h"
 #include "mapjoin/graph/index.h"
 #include "mapjoin/joining/join.h"
@@ -23,15 +22,13 @@ namespace {
 /// The covariance of what a map's frame leaves free, in the order of its variables.
 template <int D>
 Eigen::MatrixXd covariance_of(const Map<D>& map) {
-  const AnchoredInformation information = anchored_information(map);
-  const auto n = static_cast<Eigen::Index>(information.scalars.size());
-  const Eigen::LLT<Eigen::MatrixXd> llt(information.dense());
-  if (llt.info() != Eigen::Success)
+  std::optional<Eigen::MatrixXd> out = inverse_of_definite(anchored_information(map).dense());
+  if (!out)
     throw SingularError(fmt::format(
         "the local map of {} has no covariance: its information leaves some variable undetermined; "
         "a Kalman filter cannot take it",
         to_string(map.anchor)));
-  return llt.solve(Eigen::MatrixXd::Identity(n, n));
+  return *std::move(out);
 }
 
 template <int D>
@@ -110,14 +107,14 @@ Fusion EkfJoin<D>::fuse(const LocalMap<D>& local_map) {
     const Eigen::MatrixXd turn = frame_jacobian(kind, T, x.data());
     Eigen::MatrixXd g(kind.dim, kGauge<D>);
     kind.gauge(x.data(), 1, g.data());
-    J.middleRows(row, kind.dim) = turn * g;
-    turned.middleRows(row, kind.dim) = (turn * turned.middleRows(row, kind.dim)).eval();
-    turned.middleCols(row, kind.dim) = (turned.middleCols(row, kind.dim) * turn.transpose()).eval();
+    J.middleRows(row, kind.dim) = times(turn, g);
+    turned.middleRows(row, kind.dim) = times(turn, turned.middleRows(row, kind.dim));
+    turned.middleCols(row, kind.dim) = times(turned.middleCols(row, kind.dim), turn.transpose());
   }
   added.transform(T);
   const Eigen::MatrixXd of_pose = P_.columns(rows_[at(*last)], kGauge<D>);
-  turned += J * of_pose.middleRows(rows_[at(*last)], kGauge<D>) * J.transpose();
-  beside.rows = enter(variables, of_pose * J.transpose(), turned);
+  turned += carried(J, of_pose.middleRows(rows_[at(*last)], kGauge<D>));
+  beside.rows = enter(variables, times(of_pose, J.transpose()), turned);
   fusion.seconds_update = seconds_since(start);
 
   const auto updating = Clock::now();
@@ -172,13 +169,13 @@ void EkfJoin<D>::update(Beside& beside) {
   for_common([&](int i, int twin, int row, const Eigen::MatrixXd& S) {
     const int dim = variables.dim(i);
     variables.kind(i).local(beside.values.value(i), estimate_.value(twin), 1, r.data() + row);
-    PC.middleCols(row, dim) =
-        P_.columns(rows_[at(twin)], dim) * S.transpose() - P_.columns(beside.rows[at(i)], dim);
+    PC.middleCols(row, dim) = times(P_.columns(rows_[at(twin)], dim), S.transpose()) -
+                              P_.columns(beside.rows[at(i)], dim);
   });
   for_common([&](int i, int twin, int row, const Eigen::MatrixXd& S) {
     const int dim = variables.dim(i);
     CPC.middleRows(row, dim) =
-        S * PC.middleRows(rows_[at(twin)], dim) - PC.middleRows(beside.rows[at(i)], dim);
+        times(S, PC.middleRows(rows_[at(twin)], dim)) - PC.middleRows(beside.rows[at(i)], dim);
   });
   if (factor_lower(CPC) >= 0) {
     for (int i = 0; i < variables.size(); ++i) P_.remove(beside.rows[at(i)], variables.dim(i));
@@ -189,7 +186,7 @@ void EkfJoin<D>::update(Beside& beside) {
   solve_lower_right(CPC, PC);  // P C^T L^-T
   solve_lower_left(CPC, r);
   P_.subtract_square(PC);
-  const Eigen::VectorXd d = -(PC * r);
+  const Eigen::VectorXd d = -times(PC, r);
   move(estimate_, rows_, d);
   move(beside.values, beside.rows, d);
 }
@@ -209,8 +206,7 @@ void EkfJoin<D>::move(Values<D>& x, const std::vector<int>& rows, const Eigen::V
     Eigen::MatrixXd S(kind.dim, kind.dim);
     kind.local_jacobian(before.value(i), x.value(i), 1, S.data());
     if (S.isIdentity(0.0)) continue;
-    const Eigen::MatrixXd turn = S.inverse();
-    P_.turn(rows[at(i)], turn);
+    P_.turn(rows[at(i)], inverse_of(S));
   }
 }
 
@@ -266,14 +262,13 @@ Map<D> EkfJoin<D>::map() const {
         "the covariance matrix has lost its rank: some features are known to be "
         "where others are; there is no information matrix");
   // Into the rows of all variables: the start pose has none.
-  std::vector<Eigen::Index> rows;
+  std::vector<int> rows;
   const std::vector<int> place = numbers_in(estimate_.variables(), out.variables());
   for (int i = 0; i < estimate_.size(); ++i) {
     for (int s = 0; s < estimate_.variables().dim(i); ++s)
       rows.push_back(out.variables().offset(place[at(i)]) + s);
   }
-  Eigen::MatrixXd all = Eigen::MatrixXd::Zero(out.variables().scalars(), out.variables().scalars());
-  all(rows, rows) = *I;
+  const Eigen::MatrixXd all = embedded(*I, rows, out.variables().scalars());
   out.information = complete_gauge(
       out.values, anchor_, SymmetricBlockMatrix::from_dense(out.variables().offsets(), all));
   return out;
@@ -281,9 +276,9 @@ Map<D> EkfJoin<D>::map() const {
 
 template <int D>
 Eigen::MatrixXd EkfJoin<D>::covariance(std::span<const Key> keys) const {
-  std::vector<int> rows;            // in P
-  std::vector<Eigen::Index> place;  // in the result
-  Eigen::Index n = 0;
+  std::vector<int> rows;   // in P
+  std::vector<int> place;  // in the result
+  int n = 0;
   for (const Key& key : keys) {
     if (fused_ > 0 && key == anchor_.keys[0]) {
       n += kGauge<D>;
@@ -295,9 +290,7 @@ Eigen::MatrixXd EkfJoin<D>::covariance(std::span<const Key> keys) const {
       place.push_back(n++);
     }
   }
-  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(n, n);
-  out(place, place) = P_.of(rows);
-  return out;
+  return embedded(P_.of(rows), place, n);
 }
 
 /// Rows in P of all scalars of the estimate, in its order.

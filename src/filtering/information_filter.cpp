@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <Eigen/IterativeLinearSolvers>
-#include <Eigen/LU>
 
 #include <algorithm>
 #include <chrono>
@@ -12,6 +11,7 @@
 #include "mapjoin/filtering/reordering.h"
 #include "mapjoin/frames/anchors.h"
 #include "mapjoin/frames/gauge.h"
+#include "mapjoin/graph/dense.h"
 #include "mapjoin/graph/index.h"
 
 namespace mapjoin {
@@ -105,33 +105,35 @@ void InformationFilter<D>::add_information(std::span<const std::int32_t> variabl
     const Eigen::Index dim = state_.dim(i);
     const Eigen::MatrixXd S = state_.chart(i);
     if (!S.isIdentity(0.0)) {
-      const Eigen::PartialPivLU<Eigen::MatrixXd> turn(S.transpose());
-      H.middleRows(row, dim) = turn.solve(H.middleRows(row, dim)).eval();
-      H.middleCols(row, dim) = turn.solve(H.middleCols(row, dim).transpose()).transpose().eval();
-      vector.segment(row, dim) = turn.solve(vector.segment(row, dim)).eval();
+      const Eigen::MatrixXd turn = S.transpose();
+      H.middleRows(row, dim) = solve_regular(turn, H.middleRows(row, dim));
+      H.middleCols(row, dim) = solve_regular(turn, H.middleCols(row, dim).transpose()).transpose();
+      vector.segment(row, dim) = Eigen::VectorXd(solve_regular(turn, vector.segment(row, dim)));
     }
     x.segment(row, dim) = state_.increments().segment(state_.offset(i), dim);
     row += dim;
   }
-  vector += H * x;  // (8): i += H^T R^-1 (z - h(x) + H x)
+  vector += Eigen::VectorXd(times(H, x));  // (8): i += H^T R^-1 (z - h(x) + H x)
   std::vector<std::int32_t> free;
-  std::vector<Eigen::Index> rows;
+  std::vector<int> rows;
   row = 0;
   for (const std::int32_t i : variables) {
     const int offset = state_.offset(i), dim = state_.dim(i);
     if (!held_whole(i)) {
       free.push_back(i);
-      for (int s = 0; s < dim; ++s) rows.push_back(row + s);
+      for (int s = 0; s < dim; ++s) rows.push_back(static_cast<int>(row) + s);
     }
     for (int s = 0; s < dim; ++s) {
       if (!is_held(offset + s)) continue;
-      H.row(row + s).setZero();
-      H.col(row + s).setZero();
+      for (Eigen::Index k = 0; k < n; ++k) H(row + s, k) = H(k, row + s) = 0.0;
       vector(row + s) = 0.0;
     }
     row += dim;
   }
-  sum_.add_clique(free, H(rows, rows), vector(rows));
+  Eigen::VectorXd of_free(static_cast<Eigen::Index>(rows.size()));
+  for (std::size_t k = 0; k < rows.size(); ++k)
+    of_free(static_cast<Eigen::Index>(k)) = vector(rows[k]);
+  sum_.add_clique(free, picked(H, rows), of_free);
 }
 
 template <int D>
@@ -261,14 +263,17 @@ Eigen::MatrixXd InformationFilter<D>::covariance(std::span<const int> variables)
     if (!is_held(s)) columns(s, c) = 1.0;  // (5), (6)
   }
   factor_.solve_in_place(columns);
-  Eigen::MatrixXd P = columns(scalars, Eigen::all);
-  P = (0.5 * (P + P.transpose())).eval();
+  Eigen::MatrixXd P(n, n);
+  for (Eigen::Index c = 0; c < n; ++c) {
+    for (Eigen::Index r = 0; r < n; ++r) P(r, c) = columns(scalars[at(r)], c);
+  }
+  P = symmetric_part(P);
   Eigen::Index row = 0;
   for (const int i : variables) {  // from increments to the tangent
     const Eigen::Index dim = state_.dim(i);
-    const Eigen::PartialPivLU<Eigen::MatrixXd> turn(state_.chart(i));
-    P.middleRows(row, dim) = turn.solve(P.middleRows(row, dim)).eval();
-    P.middleCols(row, dim) = turn.solve(P.middleCols(row, dim).transpose()).transpose().eval();
+    const Eigen::MatrixXd turn = state_.chart(i);
+    P.middleRows(row, dim) = solve_regular(turn, P.middleRows(row, dim));
+    P.middleCols(row, dim) = solve_regular(turn, P.middleCols(row, dim).transpose()).transpose();
     row += dim;
   }
   return P;
@@ -298,8 +303,8 @@ SymmetricBlockMatrix InformationFilter<D>::block_information(std::span<const int
     for (std::size_t i = 0; in_tangents && i < clique.size(); ++i) {
       const Eigen::Index dim = state_.dim(clique[i]);
       const Eigen::MatrixXd S = state_.chart(clique[i]);
-      H.middleRows(row, dim) = (S.transpose() * H.middleRows(row, dim)).eval();
-      H.middleCols(row, dim) = (H.middleCols(row, dim) * S).eval();
+      H.middleRows(row, dim) = times(S.transpose(), H.middleRows(row, dim));
+      H.middleCols(row, dim) = times(H.middleCols(row, dim), S);
       row += dim;
     }
     row = 0;
