@@ -27,19 +27,32 @@ struct Dual {
     return out;
   }
 
-  Dual operator-() const { return {-a, -v}; }
+  /// A function of x, y with partial derivatives s, t. Loops: expressions of fixed-size vectors
+  /// cost the compiler more than all the rest of a variable type, for every N anew.
+  static Dual chain(double value, double s, const Dual& x, double t, const Dual& y) {
+    Dual out(value);
+    for (int k = 0; k < N; ++k) out.v.data()[k] = s * x.v.data()[k] + t * y.v.data()[k];
+    return out;
+  }
+  static Dual chain(double value, double s, const Dual& x) {
+    Dual out(value);
+    for (int k = 0; k < N; ++k) out.v.data()[k] = s * x.v.data()[k];
+    return out;
+  }
+
+  Dual operator-() const { return chain(-a, -1.0, *this); }
   Dual& operator+=(const Dual& o) { return *this = *this + o; }
   Dual& operator-=(const Dual& o) { return *this = *this - o; }
   Dual& operator*=(const Dual& o) { return *this = *this * o; }
   Dual& operator/=(const Dual& o) { return *this = *this / o; }
 
-  friend Dual operator+(const Dual& x, const Dual& y) { return {x.a + y.a, x.v + y.v}; }
-  friend Dual operator-(const Dual& x, const Dual& y) { return {x.a - y.a, x.v - y.v}; }
-  friend Dual operator*(const Dual& x, const Dual& y) { return {x.a * y.a, x.a * y.v + y.a * x.v}; }
+  friend Dual operator+(const Dual& x, const Dual& y) { return chain(x.a + y.a, 1.0, x, 1.0, y); }
+  friend Dual operator-(const Dual& x, const Dual& y) { return chain(x.a - y.a, 1.0, x, -1.0, y); }
+  friend Dual operator*(const Dual& x, const Dual& y) { return chain(x.a * y.a, y.a, x, x.a, y); }
   friend Dual operator/(const Dual& x, const Dual& y) {
     const double inverse = 1.0 / y.a;
     const double q = x.a * inverse;
-    return {q, (x.v - q * y.v) * inverse};
+    return chain(q, inverse, chain(q, 1.0, x, -q, y));
   }
   friend bool operator<(const Dual& x, const Dual& y) { return x.a < y.a; }
   friend bool operator>(const Dual& x, const Dual& y) { return x.a > y.a; }
@@ -52,42 +65,43 @@ struct Dual {
 template <int N>
 Dual<N> sqrt(const Dual<N>& x) {
   const double r = std::sqrt(x.a);
-  return {r, x.v * (0.5 / r)};
+  return Dual<N>::chain(r, 0.5 / r, x);
 }
 template <int N>
 Dual<N> sin(const Dual<N>& x) {
-  return {std::sin(x.a), x.v * std::cos(x.a)};
+  return Dual<N>::chain(std::sin(x.a), std::cos(x.a), x);
 }
 template <int N>
 Dual<N> cos(const Dual<N>& x) {
-  return {std::cos(x.a), x.v * -std::sin(x.a)};
+  return Dual<N>::chain(std::cos(x.a), -std::sin(x.a), x);
 }
 template <int N>
 Dual<N> tan(const Dual<N>& x) {
   const double t = std::tan(x.a);
-  return {t, x.v * (1.0 + t * t)};
+  return Dual<N>::chain(t, 1.0 + t * t, x);
 }
 template <int N>
 Dual<N> exp(const Dual<N>& x) {
   const double e = std::exp(x.a);
-  return {e, x.v * e};
+  return Dual<N>::chain(e, e, x);
 }
 template <int N>
 Dual<N> log(const Dual<N>& x) {
-  return {std::log(x.a), x.v / x.a};
+  return Dual<N>::chain(std::log(x.a), 1.0 / x.a, x);
 }
 template <int N>
 Dual<N> atan2(const Dual<N>& y, const Dual<N>& x) {
   const double n = x.a * x.a + y.a * y.a;
-  return {std::atan2(y.a, x.a), (x.a * y.v - y.a * x.v) / n};
+  const double angle = std::atan2(y.a, x.a);
+  return Dual<N>::chain(angle, x.a / n, y, -y.a / n, x);
 }
 template <int N>
 Dual<N> acos(const Dual<N>& x) {
-  return {std::acos(x.a), x.v * (-1.0 / std::sqrt(1.0 - x.a * x.a))};
+  return Dual<N>::chain(std::acos(x.a), -1.0 / std::sqrt(1.0 - x.a * x.a), x);
 }
 template <int N>
 Dual<N> asin(const Dual<N>& x) {
-  return {std::asin(x.a), x.v * (1.0 / std::sqrt(1.0 - x.a * x.a))};
+  return Dual<N>::chain(std::asin(x.a), 1.0 / std::sqrt(1.0 - x.a * x.a), x);
 }
 template <int N>
 Dual<N> abs(const Dual<N>& x) {

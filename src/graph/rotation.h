@@ -29,6 +29,36 @@ Mat<3, 3, typename Derived::Scalar> skew(const Eigen::MatrixBase<Derived>& v) {
 
 namespace detail {
 
+// Of a vector of three. Like all below by components: as expressions of vectors these few functions
+// cost the compiler most of a second for every scalar type.
+template <class S>
+S square_of(const Vec<3, S>& v) {
+  return v(0) * v(0) + v(1) * v(1) + v(2) * v(2);
+}
+
+// A = s v v^T.
+template <class S>
+void set_symmetric(Mat<3, 3, S>& A, const S& s, const Vec<3, S>& v) {
+  A(0, 0) = s * (v(0) * v(0));
+  A(1, 1) = s * (v(1) * v(1));
+  A(2, 2) = s * (v(2) * v(2));
+  A(1, 0) = A(0, 1) = s * (v(0) * v(1));
+  A(2, 0) = A(0, 2) = s * (v(0) * v(2));
+  A(2, 1) = A(1, 2) = s * (v(1) * v(2));
+}
+
+// A += s [v]x.
+template <class S>
+void add_skew(Mat<3, 3, S>& A, const S& s, const Vec<3, S>& v) {
+  const S x = s * v(0), y = s * v(1), z = s * v(2);
+  A(0, 1) -= z;
+  A(0, 2) += y;
+  A(1, 0) += z;
+  A(1, 2) -= x;
+  A(2, 0) -= y;
+  A(2, 1) += x;
+}
+
 // sin(x)/x and (1-cos(x))/x^2 as functions of q = x^2: smooth at zero, so derivatives by dual
 // numbers exist there.
 template <class S>
@@ -105,15 +135,13 @@ Mat<D, D, S> rotation_exp(const Vec<kRotation<D>, S>& phi) {
     const S s = sin(phi(0));
     R << c, -s, s, c;
   } else {
-    const S q = phi.squaredNorm();
+    const S q = detail::square_of(phi);
     const S a = detail::sinc_of_square(q);
     const S b = detail::cosc_of_square(q);
     const S c = S(1) - b * q;
-    R = b * (phi * phi.transpose());
-    R(0, 0) += c;
-    R(1, 1) += c;
-    R(2, 2) += c;
-    R += a * skew(phi);
+    detail::set_symmetric(R, b, phi);
+    for (int k = 0; k < 3; ++k) R(k, k) += c;
+    detail::add_skew(R, a, phi);
   }
   return R;
 }
@@ -133,14 +161,21 @@ Vec<kRotation<D>, S> rotation_log(const Mat<D, D, S>& R) {
     return Vec<1, S>(atan2(R(1, 0), R(0, 0)));
   } else {
     const Vec<4, S> q = detail::quaternion_of(R);
-    const S w = q(3) < 0.0 ? S(-q(3)) : S(q(3));
-    const Vec<3, S> v =
-        q(3) < 0.0 ? Vec<3, S>(-q.template head<3>()) : Vec<3, S>(q.template head<3>());
-    const S n2 = v.squaredNorm();
+    const bool other = q(3) < 0.0;
+    const S w = other ? S(-q(3)) : S(q(3));
+    Vec<3, S> v;
+    for (int k = 0; k < 3; ++k) v(k) = other ? S(-q(k)) : S(q(k));
+    const S n2 = detail::square_of(v);
     const S w2 = w * w;
-    if (n2 < detail::kSmallSquare * w2) return v * (S(2) / w * detail::atanc_of_square(S(n2 / w2)));
-    const S n = sqrt(n2);
-    return v * (S(2) * atan2(n, w) / n);
+    S scale;
+    if (n2 < detail::kSmallSquare * w2) {
+      scale = S(2) / w * detail::atanc_of_square(S(n2 / w2));
+    } else {
+      const S n = sqrt(n2);
+      scale = S(2) * atan2(n, w) / n;
+    }
+    for (int k = 0; k < 3; ++k) v(k) = v(k) * scale;
+    return v;
   }
 }
 
@@ -152,7 +187,7 @@ Mat<kRotation<D>, kRotation<D>, S> inverse_right_jacobian(const Vec<kRotation<D>
   using std::tan;
   Mat<kRotation<D>, kRotation<D>, S> J = Mat<kRotation<D>, kRotation<D>, S>::Identity();
   if constexpr (D == 3) {
-    const S q = phi.squaredNorm();
+    const S q = detail::square_of(phi);
     S c;
     if (q < 4 * detail::kSmallSquare) {
       c = detail::cotc_of_square(S(q * S(0.25)));
@@ -160,8 +195,12 @@ Mat<kRotation<D>, kRotation<D>, S> inverse_right_jacobian(const Vec<kRotation<D>
       const S half = S(0.5) * sqrt(q);
       c = (S(1) - half / tan(half)) / q;
     }
-    const Mat<3, 3, S> K = skew(phi);
-    J += S(0.5) * K + c * (K * K);
+    // I + [phi]x / 2 + c [phi]x^2, and [phi]x^2 = phi phi^T - q
+    detail::set_symmetric(J, c, phi);
+    J(0, 0) = S(1) - c * (phi(1) * phi(1) + phi(2) * phi(2));
+    J(1, 1) = S(1) - c * (phi(0) * phi(0) + phi(2) * phi(2));
+    J(2, 2) = S(1) - c * (phi(0) * phi(0) + phi(1) * phi(1));
+    detail::add_skew(J, S(0.5), phi);
   }
   return J;
 }

@@ -95,7 +95,9 @@ Vec<N, Dual<N>> seeds() {
 template <int Rows, int N>
 Mat<Rows, N> gradients(const Vec<Rows, Dual<N>>& r) {
   Mat<Rows, N> J;
-  for (int i = 0; i < Rows; ++i) J.row(i) = r(i).v.transpose();
+  for (int i = 0; i < Rows; ++i) {
+    for (int k = 0; k < N; ++k) J(i, k) = r(i).v(k);
+  }
   return J;
 }
 
