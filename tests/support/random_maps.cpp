@@ -228,6 +228,11 @@ double distance(const Values<D>& a, const Values<D>& b) {
   return a.local(b).cwiseAbs().maxCoeff();
 }
 
+double distance(const Eigen::Ref<const Eigen::MatrixXd>& a,
+                const Eigen::Ref<const Eigen::MatrixXd>& b) {
+  return (a - b).cwiseAbs().maxCoeff();
+}
+
 double relative_distance(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
   return (a - b).cwiseAbs().maxCoeff() / std::max(1e-300, b.cwiseAbs().maxCoeff());
 }

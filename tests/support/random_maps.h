@@ -137,10 +137,8 @@ LocalMap<D> random_local_map(Dice& dice, const Values<D>& all, std::uint64_t anc
 /// Largest difference of two sets of values of the same variables, in their tangents.
 template <int D>
 double distance(const Values<D>& a, const Values<D>& b);
-template <class A, class B>
-double distance(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
-  return (a - b).cwiseAbs().maxCoeff();
-}
+double distance(const Eigen::Ref<const Eigen::MatrixXd>& a,
+                const Eigen::Ref<const Eigen::MatrixXd>& b);
 /// Largest difference relative to the largest entry.
 double relative_distance(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
 

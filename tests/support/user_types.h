@@ -1,10 +1,16 @@
-// What a user of the library might add: variable types of their own.
+// What a user of the library might add: variable types of their own, and those of the examples.
+// Compiled once, in user_types.cpp, as the library's own are: the compiler takes seconds over each,
+// so tests include this and not the examples' headers.
 #pragma once
 
 #include <cmath>
 
 #include "examples/bias.h"
+#include "examples/direction3.h"
+#include "examples/line2.h"
+#include "examples/plane3.h"
 #include "mapjoin/graph/builtin_types.h"
+#include "mapjoin/graph/variable_kind.h"
 
 namespace mapjoin::test {
 
@@ -47,4 +53,24 @@ using BiasType = own::Bias<D>;
 
 static_assert(VariableType<Wall>);
 
+extern const VariableKind<2> kWallKind, kBias2Kind, kLineKind;
+extern const VariableKind<3> kBias3Kind, kDirectionKind, kPlaneKind;
+
 }  // namespace mapjoin::test
+
+namespace mapjoin::detail {
+
+template <>
+inline constexpr const VariableKind<2>* kCompiledKind<test::Wall> = &test::kWallKind;
+template <>
+inline constexpr const VariableKind<2>* kCompiledKind<test::BiasType<2>> = &test::kBias2Kind;
+template <>
+inline constexpr const VariableKind<3>* kCompiledKind<test::BiasType<3>> = &test::kBias3Kind;
+template <>
+inline constexpr const VariableKind<2>* kCompiledKind<own::Line> = &test::kLineKind;
+template <>
+inline constexpr const VariableKind<3>* kCompiledKind<own::Direction> = &test::kDirectionKind;
+template <>
+inline constexpr const VariableKind<3>* kCompiledKind<own::Plane> = &test::kPlaneKind;
+
+}  // namespace mapjoin::detail

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <set>
 
-#include "examples/line2.h"
 #include "mapjoin/association/associated_join.h"
 #include "mapjoin/evaluation/chi_squared.h"
 #include "mapjoin/frames/change_frame.h"
@@ -14,6 +13,7 @@
 #include "mapjoin/joining/join_all.h"
 #include "mapjoin/solvers/covariance.h"
 #include "tests/support/dense.h"
+#include "tests/support/user_types.h"
 #include "tests/support/wandering.h"
 
 namespace mapjoin {

@@ -6,10 +6,10 @@
 
 #include <numbers>
 
-#include "examples/line2.h"
 #include "mapjoin/building/robust_loss.h"
 #include "mapjoin/building/testing/model_conformance.h"
 #include "mapjoin/graph/error.h"
+#include "tests/support/user_types.h"
 
 namespace mapjoin {
 namespace {

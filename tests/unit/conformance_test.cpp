@@ -5,7 +5,6 @@
 
 #include "examples/level_anchor.h"
 #include "examples/line_anchor.h"
-#include "examples/plane3.h"
 #include "mapjoin/frames/points_anchor.h"
 #include "mapjoin/frames/testing/anchor_conformance.h"
 #include "mapjoin/graph/builtin_types.h"

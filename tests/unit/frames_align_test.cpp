@@ -5,8 +5,6 @@
 #include <optional>
 #include <vector>
 
-#include "examples/line2.h"
-#include "examples/plane3.h"
 #include "tests/support/random_maps.h"
 #include "tests/support/user_types.h"
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "mapjoin/frames/gauge.h"
+#include "mapjoin/graph/dense.h"
 #include "tests/support/dense.h"
 #include "tests/support/random_maps.h"
 #include "tests/support/textbook_frames.h"
@@ -56,7 +57,7 @@ void compare_with_textbook(const Map<D>& map, const Anchor<D>& anchor) {
     const Eigen::MatrixXd whole =
         duals ? nabla_by_duals<D>(new_state, before) : nabla_by_differences<D>(new_state, before);
     const Eigen::MatrixXd nabla = without(whole, before.pinned, after.pinned);
-    const Eigen::MatrixXd expected = nabla.transpose() * I * nabla;
+    const Eigen::MatrixXd expected = carried(nabla.transpose(), I);
     EXPECT_LT(relative_distance(result, expected), duals ? 1e-9 : 1e-6);
   }
 }
@@ -227,7 +228,7 @@ TEST(ChangeFrameOf, WorksForTypesOfAnyKind) {
       J.col(k) = (side[0] - side[1]) / 2e-5;
     }
     const Eigen::MatrixXd inverse = test::dense_inverse(J);
-    const Eigen::MatrixXd expected = inverse.transpose() * map.information.dense() * inverse;
+    const Eigen::MatrixXd expected = carried(inverse.transpose(), map.information.dense());
     EXPECT_LT(relative_distance(changed.information.dense(), expected), 1e-6);
     EXPECT_LT((changed.information.dense() * changed.values.gauge()).cwiseAbs().maxCoeff(),
               1e-9 * expected.cwiseAbs().maxCoeff());

@@ -16,8 +16,10 @@
 #include "mapjoin/frames/gauge.h"
 #include "mapjoin/frames/local_map.h"
 #include "mapjoin/frames/parse_anchor.h"
+#include "mapjoin/graph/dense.h"
 #include "tests/support/dense.h"
 #include "tests/support/random_maps.h"
+#include "tests/support/user_types.h"
 
 namespace mapjoin {
 namespace {
@@ -151,7 +153,7 @@ TEST(PointsAnchorOf, CollinearPointsAreRefusedWithTheirHeightAndSine) {
       AllOf(HasSubstr("point:1 and point:5"), HasSubstr("0 apart")));
   EXPECT_THROW((void)motion_into(three_points(1, 2, 5), values), DegenerateFrameError);
   const Rigid<3> into = motion_into(three_points(1, 2, 4), values);
-  EXPECT_LT((into.R * into.R.transpose() - Mat<3, 3>::Identity()).cwiseAbs().maxCoeff(), 1e-15);
+  EXPECT_LT(distance(into.R * into.R.transpose(), Mat<3, 3>::Identity()), 1e-15);
 }
 
 TYPED_TEST(PointsAnchor, SaysWhichPointIsMissingTwiceOrNone) {
@@ -174,14 +176,13 @@ TYPED_TEST(PointsAnchor, SaysWhichPointIsMissingTwiceOrNone) {
 template <int D>
 Eigen::MatrixXd covariance_of(const Map<D>& map, const Anchor<D>& anchor) {
   const AnchoredInformation I = anchored_information(map);
-  const Eigen::MatrixXd inverse = test::dense_inverse(I.dense());
-  Eigen::MatrixXd all = Eigen::MatrixXd::Zero(map.variables().scalars(), map.variables().scalars());
-  all(I.scalars, I.scalars) = inverse;
+  const Eigen::MatrixXd all =
+      embedded(test::dense_inverse(I.dense()), I.scalars, map.variables().scalars());
   std::vector<int> scalars;
   for (const int i : anchor_variables(anchor, map.variables())) {
     for (int s = 0; s < D; ++s) scalars.push_back(map.variables().offset(i) + s);
   }
-  return all(scalars, scalars);
+  return picked(all, scalars);
 }
 
 TYPED_TEST(PointsAnchor, IsAsCertainInWhateverFrameTheMapIs) {

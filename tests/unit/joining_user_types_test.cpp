@@ -6,8 +6,6 @@
 #include <span>
 #include <vector>
 
-#include "examples/line2.h"
-#include "examples/plane3.h"
 #include "mapjoin/joining/join.h"
 #include "mapjoin/joining/join_all.h"
 #include "tests/support/modes.h"

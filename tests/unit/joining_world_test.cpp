@@ -6,7 +6,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "examples/direction3.h"
 #include "mapjoin/evaluation/consistency.h"
 #include "mapjoin/evaluation/evaluate.h"
 #include "mapjoin/frames/change_frame.h"
@@ -15,6 +14,7 @@
 #include "mapjoin/joining/join_all.h"
 #include "tests/support/io.h"
 #include "tests/support/random_maps.h"
+#include "tests/support/user_types.h"
 
 namespace mapjoin {
 namespace {

@@ -6,6 +6,7 @@
 
 #include "mapjoin/frames/change_frame.h"
 #include "mapjoin/frames/exact_gauge.h"
+#include "mapjoin/graph/dense.h"
 #include "mapjoin/joining/join.h"
 #include "mapjoin/joining/join_all.h"
 #include "mapjoin/solvers/relative.h"
@@ -34,6 +35,17 @@ Eigen::MatrixXd dense_covariance(const Map<D>& map) {
 template <int D>
 Eigen::MatrixXd block_of(const Eigen::MatrixXd& dense, const VariableSet<D>& v, int i, int j) {
   return dense.block(v.offset(i), v.offset(j), v.dim(i), v.dim(j));
+}
+
+/// The diagonal blocks of all variables.
+void expect_blocks_of(const Eigen::MatrixXd& dense, const CovarianceBlocks& blocks) {
+  const double tolerance = 1e-9 * dense.cwiseAbs().maxCoeff();
+  int offset = 0;
+  for (std::size_t k = 0; k < blocks.size(); offset += blocks.dims[k++]) {
+    const int dim = blocks.dims[k];
+    EXPECT_LT(distance(blocks.block(k), dense.block(offset, offset, dim, dim)), tolerance);
+  }
+  EXPECT_EQ(offset, dense.rows());
 }
 
 template <int D>
@@ -78,11 +90,7 @@ TYPED_TEST(CovarianceOf, DiagonalBlocksBySelectedInversionAreTheDenseOnes) {
     const Covariance<D> covariance(map);
     const CovarianceBlocks blocks = covariance.blocks();
     ASSERT_EQ(blocks.size(), static_cast<std::size_t>(map.values.size()));
-    for (int i = 0; i < map.values.size(); ++i) {
-      EXPECT_LT(distance(blocks.block(static_cast<std::size_t>(i)),
-                         block_of(dense, map.variables(), i, i)),
-                1e-9 * dense.cwiseAbs().maxCoeff());
-    }
+    expect_blocks_of(dense, blocks);
     const std::vector<int> some = {map.values.size() - 1, 0, map.values.size() - 1};
     const CovarianceBlocks few = covariance.blocks(some);
     ASSERT_EQ(few.size(), 3U);
@@ -100,16 +108,11 @@ TYPED_TEST(CovarianceOf, DenselyCoupledVariablesIsExactToo) {
   const Eigen::MatrixXd g = map.values.gauge();
   const int n = map.variables().scalars();
   const Eigen::MatrixXd away =
-      Eigen::MatrixXd::Identity(n, n) - g * test::dense_inverse(g.transpose() * g) * g.transpose();
+      Eigen::MatrixXd::Identity(n, n) - carried(g, test::dense_inverse(g.transpose() * g));
   map.information =
-      SymmetricBlockMatrix::from_dense(map.variables().offsets(), away * dice.definite(n) * away);
+      SymmetricBlockMatrix::from_dense(map.variables().offsets(), carried(away, dice.definite(n)));
   const Eigen::MatrixXd dense = dense_covariance(map);
-  const CovarianceBlocks blocks = Covariance<D>(map).blocks();
-  for (int i = 0; i < map.values.size(); ++i) {
-    EXPECT_LT(
-        distance(blocks.block(static_cast<std::size_t>(i)), block_of(dense, map.variables(), i, i)),
-        1e-9 * dense.cwiseAbs().maxCoeff());
-  }
+  expect_blocks_of(dense, Covariance<D>(map).blocks());
 }
 
 TYPED_TEST(CovarianceOf, AnotherFrameIsThatOfTheReframedInformation) {
@@ -124,11 +127,7 @@ TYPED_TEST(CovarianceOf, AnotherFrameIsThatOfTheReframedInformation) {
     const Covariance<D> covariance(map);
     EXPECT_LT(relative_distance(covariance.of(all_keys(map.variables())), dense), 1e-9);
     const CovarianceBlocks blocks = covariance.blocks();
-    for (int i = 0; i < map.values.size(); ++i) {
-      EXPECT_LT(distance(blocks.block(static_cast<std::size_t>(i)),
-                         block_of(dense, map.variables(), i, i)),
-                1e-9 * dense.cwiseAbs().maxCoeff());
-    }
+    expect_blocks_of(dense, blocks);
     EXPECT_TRUE(covariance.of(map.anchor.keys).isZero(0.0)) << "the anchor is certain";
   }
 }
@@ -230,7 +229,7 @@ TYPED_TEST(CovarianceOf, RelativePoseFollowsFromItsDerivative) {
   }
   const std::vector<Key> keys = {a, b};
   EXPECT_LT(relative_distance(relative(map, covariance, a, b).covariance,
-                              J * covariance.of(keys) * J.transpose()),
+                              carried(J, covariance.of(keys))),
             1e-6);
 }
 
@@ -240,12 +239,7 @@ TYPED_TEST(CovarianceOf, SolvedMapIsTheInverseOfItsInformation) {
   const auto world = random_graph<D>(dice, {.poses = 60, .points = 30, .closures = 30});
   const Map<D> map = join_all(world.graph).maps.at(0);
   const Eigen::MatrixXd dense = dense_covariance(map);
-  const CovarianceBlocks blocks = Covariance<D>(map).blocks();
-  for (int i = 0; i < map.values.size(); ++i) {
-    EXPECT_LT(
-        distance(blocks.block(static_cast<std::size_t>(i)), block_of(dense, map.variables(), i, i)),
-        1e-9 * dense.cwiseAbs().maxCoeff());
-  }
+  expect_blocks_of(dense, Covariance<D>(map).blocks());
 }
 
 /// Pins the same as two_points, by mixtures of its three coordinates.
@@ -276,11 +270,7 @@ TEST(Covariance, InTheFrameOfFeaturesIsTheDenseInverse) {
     const Covariance<2> covariance(map);
     EXPECT_LT(relative_distance(covariance.of(all_keys(map.variables())), dense), 1e-9);
     const CovarianceBlocks blocks = covariance.blocks();
-    for (int i = 0; i < map.values.size(); ++i) {
-      EXPECT_LT(distance(blocks.block(static_cast<std::size_t>(i)),
-                         block_of(dense, map.variables(), i, i)),
-                1e-9 * dense.cwiseAbs().maxCoeff());
-    }
+    expect_blocks_of(dense, blocks);
   }
 }
 
