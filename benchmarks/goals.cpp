@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <iterator>
 #include <optional>
 
 #include "benchmarks/published.h"
@@ -88,9 +87,9 @@ std::vector<Goal> goals(std::span<const Comparison> comparisons, std::span<const
 std::string markdown(std::span<const Goal> goals) {
   std::string out;
   for (const Goal& goal : goals) {
-    fmt::format_to(std::back_inserter(out), "* {}, {}: {:.3f} {} {:.3g} {}\n", goal.data, goal.what,
-                   goal.value, goal.at_most ? "<=" : ">=", goal.limit,
-                   goal.holds() ? "holds" : "does **not** hold");
+    out += fmt::format("* {}, {}: {:.3f} {} {:.3g} {}\n", goal.data, goal.what, goal.value,
+                       goal.at_most ? "<=" : ">=", goal.limit,
+                       goal.holds() ? "holds" : "does **not** hold");
   }
   return out;
 }

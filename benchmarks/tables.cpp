@@ -131,8 +131,7 @@ std::string table(const std::vector<std::string>& head, const Rows& rows) {
   std::string out = fmt::format("| {} |\n|", fmt::join(head, " | "));
   for (std::size_t k = 0; k < head.size(); ++k) out += k == 0 ? "---|" : "---:|";
   out += "\n";
-  for (const auto& row : rows)
-    fmt::format_to(std::back_inserter(out), "| {} |\n", fmt::join(row, " | "));
+  for (const auto& row : rows) out += fmt::format("| {} |\n", fmt::join(row, " | "));
   return out + "\n";
 }
 

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -149,10 +148,10 @@ void write_csv_log(const std::filesystem::path& folder, const SimulatedLog& simu
       const double* const z = &column.z[row * static_cast<std::size_t>(column.model->measured)];
       if (column.model->tag == Tag(VelocityTurnRate::name) &&
           order.time(column.to[row]) == order.time(column.from[row]) + 1) {
-        fmt::format_to(std::back_inserter(controls), "{},{}\n", z[0], z[1]);
+        controls += fmt::format("{},{}\n", z[0], z[1]);
       } else if (column.model->tag == Tag(RangeBearing::name)) {
-        fmt::format_to(std::back_inserter(observations), "{},{},{},{}\n", t + 1,
-                       log.variables.key(column.to[row]).id, z[0], z[1]);
+        observations +=
+            fmt::format("{},{},{},{}\n", t + 1, log.variables.key(column.to[row]).id, z[0], z[1]);
       } else {
         throw InputError(
             "a CSV log holds speeds and turn rates from pose to pose, ranges and bearings, and "
@@ -162,13 +161,13 @@ void write_csv_log(const std::filesystem::path& folder, const SimulatedLog& simu
   }
   std::string poses = "x_m,y_m,theta_rad\n";
   for (const Rigid2& x : simulated.truth.column<Pose2>())
-    fmt::format_to(std::back_inserter(poses), "{},{},{}\n", x.t(0), x.t(1), heading(x));
+    poses += fmt::format("{},{},{}\n", x.t(0), x.t(1), heading(x));
   std::string beacons = "beacon,x_m,y_m\n";
   for (int i = 0; i < simulated.truth.size(); ++i) {
     const Key& key = simulated.truth.variables().key(i);
     if (key.type != Tag("point")) continue;
     const Vec<2>& p = simulated.truth.point(key);
-    fmt::format_to(std::back_inserter(beacons), "{},{},{}\n", key.id, p(0), p(1));
+    beacons += fmt::format("{},{},{}\n", key.id, p(0), p(1));
   }
   write_atomically(folder / "controls.csv", controls);
   write_atomically(folder / "observations.csv", observations);

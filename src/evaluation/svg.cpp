@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 
 namespace mapjoin {
@@ -111,7 +110,7 @@ class SvgPage {
  private:
   template <class... Args>
   void write(fmt::format_string<Args...> format, Args&&... args) {
-    fmt::format_to(std::back_inserter(out_), format, std::forward<Args>(args)...);
+    out_ += fmt::format(format, std::forward<Args>(args)...);
   }
   void label(double x, double y, int size, const char* colour, const std::string& text,
              bool strong = false) {
