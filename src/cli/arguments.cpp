@@ -9,32 +9,6 @@
 
 namespace mapjoin::cli {
 
-namespace {
-
-constexpr std::size_t kTextWidth = 66;  // of descriptions, beside 30 columns of names
-
-std::string wrapped(const std::string& text) {
-  std::string out;
-  std::size_t column = 0;
-  std::size_t at = 0;
-  while (at < text.size()) {
-    const std::size_t end = std::min(text.find(' ', at), text.size());
-    if (column > 0 && column + 1 + (end - at) > kTextWidth) {
-      out += '\n';
-      column = 0;
-    } else if (column > 0) {
-      out += ' ';
-      ++column;
-    }
-    out.append(text, at, end - at);
-    column += end - at;
-    at = end + 1;
-  }
-  return out;
-}
-
-}  // namespace
-
 const char* const kModes = R"(Modes:
   optimal   Every join keeps its measurements and linearises them anew; then linear solves over all
             of them until nothing moves: the nonlinear least squares optimum.
@@ -50,91 +24,78 @@ const char* const kAnchors =
     "(points:84,85: the first at the origin, the second on the positive x axis), three in space "
     "(points:84,85,86: the third in the x-y plane at positive y)";
 
-std::string HelpFormatter::make_option_desc(const CLI::Option* option) const {
-  return wrapped(CLI::Formatter::make_option_desc(option));
-}
-
-std::string HelpFormatter::make_description(const CLI::App* app) const {
-  return CLI::Formatter::make_description(app) + "\n";
-}
-
-void add_indefinite_argument(CLI::App& command, std::string& indefinite) {
+void add_indefinite_argument(Command& command, std::string& indefinite) {
   command
       .add_option("--indefinite", indefinite,
                   "Information matrices with a negative eigenvalue: refuse the file; clamp them to "
                   "the nearest positive definite one; or replace them by isotropic ones")
-      ->check(CLI::IsMember({"refuse", "clamp", "isotropic"}))
-      ->capture_default_str();
+      .one_of({"refuse", "clamp", "isotropic"})
+      .show_default();
 }
 
-void add_join_arguments(CLI::App& command, JoinArguments& a) {
+void add_join_arguments(Command& command, JoinArguments& a) {
   command
       .add_option("-o,--output", a.output,
                   "Where the result goes: OUT.g2o (poses and features as vertices), OUT.map (all "
                   "that a map is, to be joined again) or OUT.tum (trajectory). Further pieces of "
                   "data that are not connected go to OUT.2.g2o, OUT.3.g2o, ...")
-      ->type_name("FILE")
-      ->required();
+      .type_name("FILE")
+      .required();
   command.add_option("--mode", a.mode, "What a join carries on to the next; see below")
-      ->check(CLI::IsMember({"optimal", "observe", "summary", "paper"}))
-      ->capture_default_str();
+      .one_of({"optimal", "observe", "summary", "paper"})
+      .show_default();
   command
       .add_option("--tree", a.tree,
                   "Which maps are joined with which: graph (neighbours in the graph) or order "
                   "(neighbours by number) [graph; in paper mode order]")
-      ->check(CLI::IsMember({"graph", "order"}));
+      .one_of({"graph", "order"});
   command
       .add_option("--strategy", a.strategy,
                   "dc (divide and conquer) or sequential (each map onto all before it)")
-      ->check(CLI::IsMember({"dc", "sequential"}))
-      ->capture_default_str();
+      .one_of({"dc", "sequential"})
+      .show_default();
   command
       .add_option(
           "--threads", a.threads,
           "Threads to use, 0 for all there are; the result has the same bits for any number")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+      .within(0, 1024)
+      .show_default();
   command
       .add_option("--tolerance", a.tolerance,
                   "In optimal mode: refine until no more than this fraction of chi2 is left above "
                   "its minimum, by an estimate; at most 1e-3 [3e-7, which leaves less than 1e-6]")
-      ->type_name("FRACTION");
+      .type_name("FRACTION");
   command
       .add_option("--anchor", a.anchor,
                   std::string("The frame the result is written in: ") + kAnchors +
                       " [the pose that the file fixes, else the lowest one of each piece; points "
                       "that are far apart where there is no pose]")
-      ->type_name("ANCHOR");
+      .type_name("ANCHOR");
   command
       .add_option("--session", a.session,
                   "Session of the ids that are read from text without one: recordings that both "
                   "count from 0 must have different ones")
-      ->type_name("N")
-      ->capture_default_str();
+      .type_name("N")
+      .show_default();
+  constexpr double kLeast = 1e6;  // bytes
   command
       .add_option("--memory-limit", a.memory_limit,
                   "Stay within this much memory, as in 600MB or 4GB: what does not fit is kept in "
                   "files; the result is the same, to the bit. 0: as much as it takes")
-      ->transform(CLI::AsSizeValue(false))
-      ->check([](const std::string& bytes) -> std::string {
-        constexpr double kLeast = 1e6;
-        const double limit = std::stod(bytes);
-        if (limit == 0.0 || limit >= kLeast) return {};
-        return bytes + " bytes are less than any run needs; did you mean " + bytes + "MB?";
-      })
-      ->type_name("SIZE");
+      .size_or_zero(kLeast)
+      .type_name("SIZE");
   command
       .add_option("--scratch", a.scratch,
                   "Folder for those files, which vanish with the run [the temporary directory]")
-      ->type_name("DIR");
+      .type_name("DIR");
   command
       .add_option("--checkpoint", a.checkpoint,
                   "Keep finished subtrees in this folder: the same command takes up a run that was "
                   "killed. Emptied when the result is written")
-      ->type_name("DIR");
+      .type_name("DIR");
   add_indefinite_argument(command, a.indefinite);
   command.add_option("--json", a.json, "Write the report's figures to this file as well")
-      ->type_name("FILE");
+      .type_name("FILE");
   command.add_flag("--skip-unknown", a.skip_unknown,
                    "Count g2o records that are not understood instead of refusing the file");
   command.add_flag("--quaternion-information", a.quaternion_information,
@@ -201,8 +162,6 @@ std::vector<Key> parse_keys(const std::vector<std::string>& texts,
   }
   return out;
 }
-
-void add_examples(CLI::App& command, const std::string& examples) { command.footer(examples); }
 
 template Anchor<2> chosen_anchor<2>(const std::string&, std::uint32_t, const VariableSet<2>&);
 template Anchor<3> chosen_anchor<3>(const std::string&, std::uint32_t, const VariableSet<3>&);

@@ -1,11 +1,11 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "mapjoin/cli/command.h"
 #include "mapjoin/graph/anchor.h"
 #include "mapjoin/graph/variables.h"
 #include "mapjoin/io/information_policy.h"
@@ -33,11 +33,11 @@ struct JoinArguments {
   bool quaternion_information = false;
 };
 
-void add_join_arguments(CLI::App& command, JoinArguments& arguments);
+void add_join_arguments(Command& command, JoinArguments& arguments);
 
 JoinOptions join_options(const JoinArguments& arguments);
 InformationPolicy information_policy(const std::string& text);
-void add_indefinite_argument(CLI::App& command, std::string& indefinite);
+void add_indefinite_argument(Command& command, std::string& indefinite);
 
 /// The anchor that --anchor names (see frames/parse_anchor.h); ids without a session are of
 /// `session`. \throws InputError when it is none or when the variables have no such pose or point.
@@ -58,17 +58,7 @@ std::uint32_t session_of(const VariableSet<D>& variables);
 template <int D>
 std::vector<Key> parse_keys(const std::vector<std::string>& texts, const VariableSet<D>& variables);
 
-/// Makes examples stand at the end of a command's help.
-void add_examples(CLI::App& command, const std::string& examples);
-
 /// What --mode means, for the help of the commands that have it.
 extern const char* const kModes;
-
-/// Breaks the lines of options' descriptions.
-class HelpFormatter : public CLI::Formatter {
- public:
-  std::string make_option_desc(const CLI::Option* option) const override;
-  std::string make_description(const CLI::App* app) const override;
-};
 
 }  // namespace mapjoin::cli

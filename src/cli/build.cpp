@@ -116,42 +116,41 @@ void run_build(const BuildCommand& a) {
 
 }  // namespace
 
-void add_build(CLI::App& app) {
+void add_build(Command& app) {
   auto arguments = std::make_shared<BuildCommand>();
   BuildCommand& a = *arguments;
-  CLI::App& command = *app.add_subcommand("build", "Build local maps from raw measurements");
+  Command command = app.add_command("build", "Build local maps from raw measurements");
   command
       .add_option("raw", a.raw,
                   "Measurements: a g2o graph, or a folder of controls.csv and observations.csv")
-      ->type_name("RAW")
-      ->required();
+      .type_name("RAW")
+      .required();
   command
       .add_option("--segment", a.segment,
                   "When the next local map begins: poses:N, features:N, uncertainty:X (metres of "
                   "dead reckoning, one sigma), maps:N in all, or graph:N by graph partition")
-      ->type_name("RULE")
-      ->required();
+      .type_name("RULE")
+      .required();
   add_build_arguments(command, a.build, "--anchor");
   command
       .add_option("--keep", a.build.keep,
                   "What a local map keeps: all; end-pose, with the features and the poses that "
                   "other maps share; features alone")
-      ->check(CLI::IsMember({"all", "end-pose", "features"}))
-      ->capture_default_str();
+      .one_of({"all", "end-pose", "features"})
+      .show_default();
   command.add_option("-o,--output", a.output, "A folder that is new or empty")
-      ->type_name("FOLDER")
-      ->required();
+      .type_name("FOLDER")
+      .required();
   command.add_option("--threads", a.threads, "Local maps built at the same time")
-      ->check(CLI::Range(1, 1024))
-      ->capture_default_str();
+      .within(1, 1024)
+      .show_default();
   add_indefinite_argument(command, a.indefinite);
   command.add_flag("--skip-unknown", a.skip_unknown,
                    "Count g2o records that are not understood instead of refusing the file");
-  command.add_option("--session", a.csv.session, "Session of ids without one")
-      ->capture_default_str();
+  command.add_option("--session", a.csv.session, "Session of ids without one").show_default();
   add_log_arguments(command, a.csv);
-  add_examples(command, kBuildExamples);
-  command.callback([arguments] { run_build(*arguments); });
+  command.examples(kBuildExamples);
+  command.run([arguments] { run_build(*arguments); });
 }
 
 }  // namespace mapjoin::cli

@@ -215,67 +215,66 @@ void compare(const CompareCommand& a) {
 
 }  // namespace
 
-void add_compare(CLI::App& app) {
+void add_compare(Command& app) {
   auto arguments = std::make_shared<CompareCommand>();
   CompareCommand& a = *arguments;
-  CLI::App& command =
-      *app.add_subcommand("compare", "Join local maps by several methods, side by side");
+  Command command = app.add_command("compare", "Join local maps by several methods, side by side");
   command
       .add_option("source", a.source,
                   "A folder of localmap_K.txt, .mat or .map; or with --segment a recording: a g2o "
                   "graph, or a "
                   "folder of controls.csv and observations.csv")
-      ->type_name("FOLDER|RAW")
-      ->required();
+      .type_name("FOLDER|RAW")
+      .required();
   command
       .add_option("--segment", a.segment,
                   "Of a recording: when the next local map begins, as in maps:200; see 'mapjoin "
                   "build --help'")
-      ->type_name("RULE");
+      .type_name("RULE");
   add_build_arguments(command, a.build, "--local-anchor");
   for (const char* option : {"--builder", "--local-anchor", "--robust"})
-    command.get_option(option)->needs("--segment");
+    command.option(option).needs(command.option("--segment"));
   command.add_option("--methods", a.methods, "all, or names separated by commas; see below")
-      ->capture_default_str();
+      .show_default();
   command
       .add_option(
           "--associate", a.associate,
           "Which features are the same: as they are numbered (given), or found as the local "
           "maps arrive, by nn, gnn or jcbb (slsjf and ekf); see 'mapjoin join --help'")
-      ->check(CLI::IsMember({"given", "nn", "gnn", "jcbb"}))
-      ->capture_default_str();
+      .one_of({"given", "nn", "gnn", "jcbb"})
+      .show_default();
   command
       .add_option(
           "--truth", a.truth,
           "What is known to be true: .g2o, .map, or a .csv of features (id,x,y) in the frame "
           "of the first local map")
-      ->type_name("FILE");
+      .type_name("FILE");
   command.add_option("--reference", a.reference, "A solution to measure RMSE to, .g2o or .map")
-      ->type_name("FILE");
+      .type_name("FILE");
   command
       .add_option("--json", a.json,
                   "Write the figures to this file as well, and more: seconds of every local map, "
                   "sizes and non-zeros of the information matrix")
-      ->type_name("FILE");
+      .type_name("FILE");
   command
       .add_option("--watch", a.watched,
                   "With --json: where these points are believed to be, and their standard "
                   "deviations, after every local map (slsjf, dslam, ekf) or pose (ekf-slam)")
-      ->type_name("point:ID,...")
-      ->delimiter(',')
-      ->needs("--json");
+      .type_name("point:ID,...")
+      .separated_by(',')
+      .needs(command.option("--json"));
   command
       .add_option("-o,--output", a.output,
                   "Write every method's map into this folder, which is new or empty")
-      ->type_name("FOLDER");
+      .type_name("FOLDER");
   add_log_arguments(command, a.csv);
   command.add_flag("--skip-unknown", a.skip_unknown,
                    "Count g2o records that are not understood instead of refusing the file");
   command.add_option("--session", a.csv.session, "Session of ids that are written without one")
-      ->type_name("N");
+      .type_name("N");
   add_indefinite_argument(command, a.indefinite);
-  add_examples(command, kCompareExamples);
-  command.callback([arguments] { compare(*arguments); });
+  command.examples(kCompareExamples);
+  command.run([arguments] { compare(*arguments); });
 }
 
 }  // namespace mapjoin::cli

@@ -75,21 +75,19 @@ std::string csv_header() {
 
 template <int D>
 void append_csv(std::string& out, const Line<D>& line) {
-  const auto to = std::back_inserter(out);
-  fmt::format_to(to, "{}", to_string(line.key));
-  for (int k = 0; k < D; ++k)
-    line.placed ? fmt::format_to(to, ",{:.17g}", line.position(k)) : fmt::format_to(to, ",");
-  for (int k = 0; k < D; ++k)
-    line.placed ? fmt::format_to(to, ",{:.9g}", line.region.semi_axes(k)) : fmt::format_to(to, ",");
+  const auto number = [](double x) { return fmt::format(",{:.17g}", x); };
+  const auto rounded = [](double x) { return fmt::format(",{:.9g}", x); };
+  const std::string nothing = ",";
+  out += to_string(line.key);
+  for (int k = 0; k < D; ++k) out += line.placed ? number(line.position(k)) : nothing;
+  for (int k = 0; k < D; ++k) out += line.placed ? rounded(line.region.semi_axes(k)) : nothing;
   if constexpr (D == 2) {
-    line.placed
-        ? fmt::format_to(to, ",{:.9g}", std::atan2(line.region.axes(1, 0), line.region.axes(0, 0)))
-        : fmt::format_to(to, ",");
+    const auto& axes = line.region.axes;
+    out += line.placed ? rounded(std::atan2(axes(1, 0), axes(0, 0))) : nothing;
   }
   const Eigen::Index dim = line.covariance.rows();
   for (int r = 0; r < std::max<Eigen::Index>(kGauge<D>, dim); ++r) {
-    for (int c = 0; c <= r; ++c)
-      r < dim ? fmt::format_to(to, ",{:.17g}", line.covariance(r, c)) : fmt::format_to(to, ",");
+    for (int c = 0; c <= r; ++c) out += r < dim ? number(line.covariance(r, c)) : nothing;
   }
   out += '\n';
 }
@@ -173,26 +171,26 @@ void covariance(const CovarianceCommand& a) {
 
 }  // namespace
 
-void add_covariance(CLI::App& app) {
+void add_covariance(Command& app) {
   auto arguments = std::make_shared<CovarianceCommand>();
   CovarianceCommand& a = *arguments;
-  CLI::App& command = *app.add_subcommand("covariance", "Say how uncertain a map's variables are");
-  command.add_option("map", a.map, "A native map with information")->type_name("MAP")->required();
-  auto* keys = command.add_option("--keys", a.keys, "These variables, and their joint covariance")
-                   ->type_name("KEY,KEY,...")
-                   ->delimiter(',');
-  command.add_flag("--all", a.all, "Every variable")->excludes(keys);
+  Command command = app.add_command("covariance", "Say how uncertain a map's variables are");
+  command.add_option("map", a.map, "A native map with information").type_name("MAP").required();
+  const Option keys =
+      command.add_option("--keys", a.keys, "These variables, and their joint covariance")
+          .type_name("KEY,KEY,...")
+          .separated_by(',');
+  command.add_flag("--all", a.all, "Every variable").excludes(keys);
   command
       .add_option("--confidence", a.confidence,
                   "The probability with which an ellipse holds its position")
-      ->check(CLI::Range(0.0, 1.0))
-      ->capture_default_str();
-  command.add_option("-o,--output", a.output, "A table, a line a variable")->type_name("FILE.csv");
-  command
-      .add_option("--json", a.json, "The same as JSON; with --keys the joint covariance as well")
-      ->type_name("FILE");
-  add_examples(command, kCovarianceExamples);
-  command.callback([arguments] { covariance(*arguments); });
+      .within(0.0, 1.0)
+      .show_default();
+  command.add_option("-o,--output", a.output, "A table, a line a variable").type_name("FILE.csv");
+  command.add_option("--json", a.json, "The same as JSON; with --keys the joint covariance as well")
+      .type_name("FILE");
+  command.examples(kCovarianceExamples);
+  command.run([arguments] { covariance(*arguments); });
 }
 
 }  // namespace mapjoin::cli

@@ -172,18 +172,16 @@ void demo(const DemoCommand& a) {
 
 }  // namespace
 
-void add_demo(CLI::App& app) {
+void add_demo(Command& app) {
   auto arguments = std::make_shared<DemoCommand>();
-  CLI::App& command =
-      *app.add_subcommand("demo", "See it work: simulate, cut, join, compare, draw");
+  Command command = app.add_command("demo", "See it work: simulate, cut, join, compare, draw");
   command.add_option("-o,--output", arguments->output, "A folder; created where it does not exist")
-      ->type_name("DIR")
-      ->required();
-  command.add_option("--poses", arguments->poses, "Length of the drive, m")->capture_default_str();
-  command.add_option("--seed", arguments->seed, "Another seed, another world")
-      ->capture_default_str();
-  add_examples(command, kDemoExamples);
-  command.callback([arguments] { demo(*arguments); });
+      .type_name("DIR")
+      .required();
+  command.add_option("--poses", arguments->poses, "Length of the drive, m").show_default();
+  command.add_option("--seed", arguments->seed, "Another seed, another world").show_default();
+  command.examples(kDemoExamples);
+  command.run([arguments] { demo(*arguments); });
 }
 
 }  // namespace mapjoin::cli

@@ -176,41 +176,41 @@ void evaluate(const EvaluateCommand& a) {
 
 }  // namespace
 
-void add_evaluate(CLI::App& app) {
+void add_evaluate(Command& app) {
   auto arguments = std::make_shared<EvaluateCommand>();
   EvaluateCommand& a = *arguments;
-  CLI::App& command =
-      *app.add_subcommand("evaluate", "Judge a result by measurements or a reference");
+  Command command = app.add_command("evaluate", "Judge a result by measurements or a reference");
   command
       .add_option("result", a.results,
                   "What solve or join wrote (.g2o or .map); several pieces "
                   "of one graph may be given")
-      ->type_name("RESULT")
-      ->required();
-  auto* graph = command.add_option("--graph", a.graph, "The measurements")->type_name("GRAPH.g2o");
+      .type_name("RESULT")
+      .required();
+  const Option graph =
+      command.add_option("--graph", a.graph, "The measurements").type_name("GRAPH.g2o");
   command.add_option("--maps", a.maps, "The local maps, a folder of localmap_K.txt")
-      ->type_name("FOLDER")
-      ->excludes(graph);
+      .type_name("FOLDER")
+      .excludes(graph);
   command.add_option("--reference", a.reference, "A solution to compare with, .g2o or .map")
-      ->type_name("FILE");
+      .type_name("FILE");
   command
       .add_option("--truth", a.truth,
                   "What is known to be true, .g2o, .map, or a .csv of features (id,x,y) in the "
                   "frame of the map's anchor; the result must be a .map")
-      ->type_name("FILE");
+      .type_name("FILE");
   command.add_option("--confidence", a.confidence, "The probability of the bounds of NEES")
-      ->check(CLI::Range(0.0, 1.0))
-      ->capture_default_str();
-  command.add_option("--json", a.json, "Write the figures to this file as well")->type_name("FILE");
+      .within(0.0, 1.0)
+      .show_default();
+  command.add_option("--json", a.json, "Write the figures to this file as well").type_name("FILE");
   command.add_option("--session", a.session, "Session of ids that are written without one")
-      ->type_name("N");
+      .type_name("N");
   add_indefinite_argument(command, a.indefinite);
   command.add_flag("--skip-unknown", a.skip_unknown,
                    "Pass over g2o records that are not understood");
   command.add_flag("--quaternion-information", a.quaternion_information,
                    "3D information is of the quaternion's vector part");
-  add_examples(command, kEvaluateExamples);
-  command.callback([arguments] { evaluate(*arguments); });
+  command.examples(kEvaluateExamples);
+  command.run([arguments] { evaluate(*arguments); });
 }
 
 }  // namespace mapjoin::cli

@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <iterator>
 #include <memory>
 
 #include "mapjoin/cli/arguments.h"
@@ -33,9 +32,8 @@ template <int D>
 std::string describe(const VariableSet<D>& variables) {
   std::string out;
   for (const auto& c : variables.columns()) {
-    fmt::format_to(std::back_inserter(out), "{}{} {} ({} ... {})", out.empty() ? "" : ", ",
-                   c.size(), c.kind->tag.text(), to_string(c.keys.front()),
-                   to_string(c.keys.back()));
+    out += fmt::format("{}{} {} ({} ... {})", out.empty() ? "" : ", ", c.size(), c.kind->tag.text(),
+                       to_string(c.keys.front()), to_string(c.keys.back()));
   }
   return out.empty() ? "none" : out;
 }
@@ -164,14 +162,14 @@ void info(const std::string& path) {
 
 }  // namespace
 
-void add_info(CLI::App& app) {
+void add_info(Command& app) {
   auto path = std::make_shared<std::string>();
-  CLI::App& command = *app.add_subcommand("info", "Say what is in a file");
+  Command command = app.add_command("info", "Say what is in a file");
   command.add_option("file", *path, "g2o file, native map, or folder of local maps")
-      ->type_name("FILE")
-      ->required();
-  add_examples(command, kInfoExamples);
-  command.callback([path] { info(*path); });
+      .type_name("FILE")
+      .required();
+  command.examples(kInfoExamples);
+  command.run([path] { info(*path); });
 }
 
 }  // namespace mapjoin::cli

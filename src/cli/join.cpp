@@ -103,11 +103,11 @@ void join_maps(const JoinCommand& a, const std::vector<AnyMap>& any, const Stopw
 }
 
 /// Options that mean nothing to the methods other than the linear one, where they are given.
-void expect_linear_only(const CLI::App& command, const JoinCommand& a) {
+void expect_linear_only(const Command& command, const JoinCommand& a) {
   if (parse_method(a.join.method) == Method::kLinear) return;
   for (const char* option : {"--mode", "--tree", "--strategy", "--threads", "--tolerance",
                              "--memory-limit", "--scratch", "--checkpoint", "--features-only"}) {
-    if (command.get_option(option)->count() > 0)
+    if (command.has(option))
       throw InputError(fmt::format("{} goes with --method linear; --method {} has no such choice",
                                    option, a.join.method));
   }
@@ -174,19 +174,19 @@ void join(const JoinCommand& given) {
 
 }  // namespace
 
-void add_join(CLI::App& app) {
+void add_join(Command& app) {
   auto arguments = std::make_shared<JoinCommand>();
-  CLI::App& command = *app.add_subcommand("join", "Join local maps, or maps made before");
+  Command command = app.add_command("join", "Join local maps, or maps made before");
   command
       .add_option("maps", arguments->inputs,
                   "A folder of localmap_K.map, .txt or .mat, or native maps (.map)")
-      ->type_name("FOLDER|MAP")
-      ->required();
+      .type_name("FOLDER|MAP")
+      .required();
   command
       .add_option("--links", arguments->links,
                   "Measurements between variables of the maps, in g2o; ids as 12 or 1/12 (session "
                   "1)")
-      ->type_name("LINKS.g2o");
+      .type_name("LINKS.g2o");
   command.add_flag(
       "--features-only", arguments->features_only,
       "Marginalise the poses out of every local map of the folder, then join by "
@@ -196,13 +196,13 @@ void add_join(CLI::App& app) {
           "--merged-list", arguments->merged_list,
           "With --features-only: which local maps each feature-only map is made of, and its "
           "frame")
-      ->type_name("FILE.csv");
+      .type_name("FILE.csv");
   command
       .add_option(
           "--method", arguments->join.method,
           "How local maps are joined: linear, slsjf, islsjf, dslam, idslam or ekf; see below")
-      ->check(CLI::IsMember({"linear", "slsjf", "islsjf", "dslam", "idslam", "ekf"}))
-      ->capture_default_str();
+      .one_of({"linear", "slsjf", "islsjf", "dslam", "idslam", "ekf"})
+      .show_default();
   command
       .add_option(
           "--associate", arguments->associate,
@@ -210,27 +210,27 @@ void add_join(CLI::App& app) {
           "nearest neighbour (nn), global nearest neighbour (gnn) or "
           "joint compatibility (jcbb). In a folder, what is found is numbered from 1; native "
           "maps that share nothing are laid on one another by their features first")
-      ->check(CLI::IsMember({"given", "nn", "gnn", "jcbb"}))
-      ->capture_default_str();
+      .one_of({"given", "nn", "gnn", "jcbb"})
+      .show_default();
   command
       .add_option("--gate", arguments->gate,
                   "With --associate: probability with which a right match is within the gate")
-      ->type_name("P")
-      ->capture_default_str();
+      .type_name("P")
+      .show_default();
   command
       .add_option("--odds", arguments->odds,
                   "With --associate: how many times as likely as any other choice a match must be; "
                   "0: the matcher decides alone")
-      ->check(CLI::NonNegativeNumber)
-      ->type_name("N")
-      ->capture_default_str();
+      .not_negative()
+      .type_name("N")
+      .show_default();
   command
       .add_option(
           "--max-distance", arguments->max_distance,
           "With --associate: metres beyond which features are not compared [whatever the gate "
           "allows]")
-      ->check(CLI::NonNegativeNumber)
-      ->type_name("M");
+      .not_negative()
+      .type_name("M");
   command.add_flag(
       "--check-matches", arguments->check_matches,
       "With given numbers: test in every join whether each feature that is joined agrees "
@@ -238,8 +238,8 @@ void add_join(CLI::App& app) {
   command.add_flag("--judge", arguments->judge,
                    "With --associate: print precision and recall by the numbers in the files");
   add_join_arguments(command, arguments->join);
-  add_examples(command, std::string(kModes) + "\n" + kJoinExamples);
-  command.callback([arguments, &command] {
+  command.examples(std::string(kModes) + "\n" + kJoinExamples);
+  command.run([arguments, command] {
     expect_linear_only(command, *arguments);
     join(*arguments);
   });

@@ -1,12 +1,10 @@
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
-#include <memory>
 #include <new>
 
-#include "mapjoin/cli/arguments.h"
+#include "mapjoin/cli/command.h"
 #include "mapjoin/cli/commands.h"
 #include "mapjoin/cli/terminal.h"
 #include "mapjoin/graph/error.h"
@@ -37,20 +35,18 @@ int fail(int code, const std::string& message) {
   return code;
 }
 
-int usage_error(const CLI::App& app, const CLI::ParseError& error) {
-  std::string command = "mapjoin";
-  for (const CLI::App* chosen : app.get_subcommands()) command += " " + chosen->get_name();
-  return fail(kBadInput, fmt::format("{}\nSee '{} --help'.", error.what(), command));
-}
-
-int run(CLI::App& app, int argc, char** argv) {
+int run(int argc, char** argv) {
+  using namespace mapjoin::cli;
   try {
-    app.parse(argc, argv);
-    return 0;
-  } catch (const CLI::Success& asked) {  // help or version
-    return app.exit(asked);
-  } catch (const CLI::ParseError& error) {
-    return usage_error(app, error);
+    return run_program(
+        {"mapjoin",
+         "mapjoin: SLAM by joining submaps with linear least squares. No initial guess, no tuning.",
+         "mapjoin " MAPJOIN_VERSION, kFooter},
+        {add_solve, add_build, add_join, add_reframe, add_marginalize, add_compare, add_covariance,
+         add_evaluate, add_simulate, add_info, add_demo},
+        argc, argv);
+  } catch (const UsageError& error) {
+    return fail(kBadInput, error.what());
   } catch (const mapjoin::CancelledError& error) {
     return fail(kInterrupted, error.what());
   } catch (const mapjoin::Error& error) {
@@ -64,25 +60,7 @@ int run(CLI::App& app, int argc, char** argv) {
 
 int main(int argc, char** argv) {
   try {
-    CLI::App app(
-        "mapjoin: SLAM by joining submaps with linear least squares. No initial guess, no tuning.",
-        "mapjoin");
-    app.formatter(std::make_shared<mapjoin::cli::HelpFormatter>());
-    app.set_version_flag("--version", "mapjoin " MAPJOIN_VERSION);
-    app.require_subcommand(1);
-    app.footer(kFooter);
-    mapjoin::cli::add_solve(app);
-    mapjoin::cli::add_build(app);
-    mapjoin::cli::add_join(app);
-    mapjoin::cli::add_reframe(app);
-    mapjoin::cli::add_marginalize(app);
-    mapjoin::cli::add_compare(app);
-    mapjoin::cli::add_covariance(app);
-    mapjoin::cli::add_evaluate(app);
-    mapjoin::cli::add_simulate(app);
-    mapjoin::cli::add_info(app);
-    mapjoin::cli::add_demo(app);
-    return run(app, argc, argv);
+    return run(argc, argv);
   } catch (const std::exception& error) {
     return fail(kInternalError, fmt::format("internal: {}. Please report this.", error.what()));
   }

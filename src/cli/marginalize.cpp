@@ -66,30 +66,30 @@ void marginalize_map(const MarginalizeCommand& a) {
 
 }  // namespace
 
-void add_marginalize(CLI::App& app) {
+void add_marginalize(Command& app) {
   auto arguments = std::make_shared<MarginalizeCommand>();
-  CLI::App& command = *app.add_subcommand(
+  Command command = app.add_command(
       "marginalize", "Eliminate poses or features from a map, and keep what they said");
   command.add_option("map", arguments->map, "A native map with information")
-      ->type_name("MAP")
-      ->required();
+      .type_name("MAP")
+      .required();
   command
       .add_option("--keep", arguments->keep,
                   "features, poses, last-pose (with all features), or a list of keys")
-      ->type_name("WHAT")
-      ->delimiter(',')
-      ->required();
+      .type_name("WHAT")
+      .separated_by(',')
+      .required();
   command
       .add_option("--anchor", arguments->anchor,
                   "The frame of the result when what fixes the map's own goes [the lowest pose, "
                   "points that are far apart where no pose is kept]")
-      ->type_name("ANCHOR");
+      .type_name("ANCHOR");
   command
       .add_option("-o,--output", arguments->output, "OUT.map, or OUT.g2o, OUT.tum for the values")
-      ->type_name("FILE")
-      ->required();
-  add_examples(command, kMarginalizeExamples);
-  command.callback([arguments] { marginalize_map(*arguments); });
+      .type_name("FILE")
+      .required();
+  command.examples(kMarginalizeExamples);
+  command.run([arguments] { marginalize_map(*arguments); });
 }
 
 }  // namespace mapjoin::cli

@@ -7,25 +7,25 @@
 
 namespace mapjoin::cli {
 
-void add_build_arguments(CLI::App& command, BuildArguments& a, const std::string& anchor) {
+void add_build_arguments(Command& command, BuildArguments& a, const std::string& anchor) {
   command
       .add_option("--builder", a.builder,
                   "nls: nonlinear least squares a local map; ekf: an extended Kalman filter")
-      ->check(CLI::IsMember({"nls", "ekf"}))
-      ->capture_default_str();
+      .one_of({"nls", "ekf"})
+      .show_default();
   command
       .add_option(anchor, a.frame,
                   "What fixes the frame of a local map: its first pose, its last, or features that "
                   "are far apart")
-      ->check(CLI::IsMember({"start", "end", "features"}))
-      ->capture_default_str();
+      .one_of({"start", "end", "features"})
+      .show_default();
   command
       .add_option(
           "--robust", a.loss,
           "Loss of measurements that do not fit: none, huber, cauchy or geman-mcclure, with "
           "a width in standard deviations, as in cauchy:3")
-      ->type_name("LOSS")
-      ->capture_default_str();
+      .type_name("LOSS")
+      .show_default();
   command.add_flag("--whole", a.whole,
                    "Build large local maps from the chain of their measurements, not in parts that "
                    "are joined: as the papers do, for comparison");
@@ -44,9 +44,9 @@ BuildOptions build_options(const BuildArguments& a, int threads) {
   return out;
 }
 
-void add_log_arguments(CLI::App& command, CsvLogOptions& options) {
+void add_log_arguments(Command& command, CsvLogOptions& options) {
   const auto sigma = [&](const std::string& name, double& target, const std::string& help) {
-    command.add_option(name, target, help + " (logs)")->capture_default_str();
+    command.add_option(name, target, help + " (logs)").show_default();
   };
   sigma("--duration", options.duration, "Of a control, s");
   sigma("--sigma-speed", options.sigma_speed, "Standard deviation of the speed, m/s");

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <optional>
 #include <string>
 #include <variant>
@@ -23,11 +22,11 @@ struct BuildArguments {
 };
 
 /// `--builder`, `--robust`, `--whole`, and the local maps' anchor under the given name.
-void add_build_arguments(CLI::App& command, BuildArguments& arguments, const std::string& anchor);
+void add_build_arguments(Command& command, BuildArguments& arguments, const std::string& anchor);
 BuildOptions build_options(const BuildArguments& arguments, int threads);
 
 /// What a folder of logs does not say: `--duration`, `--sigma-speed` and so on.
-void add_log_arguments(CLI::App& command, CsvLogOptions& options);
+void add_log_arguments(Command& command, CsvLogOptions& options);
 
 using AnyLog = std::variant<RawLog<2>, RawLog<3>>;
 

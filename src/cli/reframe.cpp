@@ -48,21 +48,21 @@ void reframe(const ReframeCommand& a) {
 
 }  // namespace
 
-void add_reframe(CLI::App& app) {
+void add_reframe(Command& app) {
   auto arguments = std::make_shared<ReframeCommand>();
-  CLI::App& command =
-      *app.add_subcommand("reframe", "Write a map in the frame of another pose, or of features");
-  command.add_option("map", arguments->map, "A native map")->type_name("MAP")->required();
+  Command command =
+      app.add_command("reframe", "Write a map in the frame of another pose, or of features");
+  command.add_option("map", arguments->map, "A native map").type_name("MAP").required();
   command
       .add_option("--anchor", arguments->anchor, std::string("The frame to write in: ") + kAnchors)
-      ->type_name("ANCHOR")
-      ->required();
+      .type_name("ANCHOR")
+      .required();
   command
       .add_option("-o,--output", arguments->output, "OUT.map, or OUT.g2o, OUT.tum for the values")
-      ->type_name("FILE")
-      ->required();
-  add_examples(command, kReframeExamples);
-  command.callback([arguments] { reframe(*arguments); });
+      .type_name("FILE")
+      .required();
+  command.examples(kReframeExamples);
+  command.run([arguments] { reframe(*arguments); });
 }
 
 }  // namespace mapjoin::cli

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "mapjoin/cli/terminal.h"
@@ -74,7 +73,7 @@ std::string text(const RunReport& r) {
   std::string out;
   const auto line = [&](const std::string& head, const std::string& body) {
     const std::string padded = fmt::format("{:<14}", head);
-    fmt::format_to(std::back_inserter(out), "{}{}\n", bold(padded), body);
+    out += fmt::format("{}{}\n", bold(padded), body);
   };
   line("variables", fmt::format("{} poses, {} features", r.join.poses, r.join.features));
   line("measurements", fmt::format("{}", r.measurements));

@@ -121,10 +121,10 @@ void run_simulate(const SimulateCommand& a) {
   }
 }
 
-void add_world_options(CLI::App& command, SimulateCommand& a) {
+void add_world_options(Command& command, SimulateCommand& a) {
   SimulationOptions& o = a.options;
   const auto option = [&](const std::string& name, auto& target, const std::string& help) {
-    command.add_option(name, target, help)->capture_default_str();
+    command.add_option(name, target, help).show_default();
   };
   option("--poses", o.poses, "How many");
   option("--seed", o.seed, "Another seed, another world");
@@ -150,23 +150,23 @@ void add_world_options(CLI::App& command, SimulateCommand& a) {
 
 }  // namespace
 
-void add_simulate(CLI::App& app) {
+void add_simulate(Command& app) {
   auto arguments = std::make_shared<SimulateCommand>();
-  CLI::App& command = *app.add_subcommand("simulate", "Make a world whose truth is known");
+  Command command = app.add_command("simulate", "Make a world whose truth is known");
   command
       .add_option("world", arguments->world,
                   "manhattan, sphere, grid3d, landmarks2d, landmarks3d, beacons")
-      ->type_name("WORLD")
-      ->required();
+      .type_name("WORLD")
+      .required();
   command.add_option("-o,--output", arguments->output, "The measurements")
-      ->type_name("FILE.g2o|FOLDER")
-      ->required();
+      .type_name("FILE.g2o|FOLDER")
+      .required();
   command.add_option("--truth", arguments->truth, "Where everything really is")
-      ->type_name("TRUTH.g2o");
+      .type_name("TRUTH.g2o");
   add_world_options(command, *arguments);
-  add_examples(command, kSimulateExamples);
-  command.callback([arguments, &command] {
-    arguments->sensor_range_given = command.get_option("--sensor-range")->count() > 0;
+  command.examples(kSimulateExamples);
+  command.run([arguments, command] {
+    arguments->sensor_range_given = command.has("--sensor-range");
     run_simulate(*arguments);
   });
 }

@@ -81,22 +81,22 @@ void solve(const SolveCommand& given) {
 
 }  // namespace
 
-void add_solve(CLI::App& app) {
+void add_solve(Command& app) {
   auto arguments = std::make_shared<SolveCommand>();
-  CLI::App& command = *app.add_subcommand("solve", "Solve a measurement graph (g2o)");
+  Command command = app.add_command("solve", "Solve a measurement graph (g2o)");
   command.add_option("graph", arguments->graph, "The measurements")
-      ->type_name("GRAPH.g2o")
-      ->required();
+      .type_name("GRAPH.g2o")
+      .required();
   command
       .add_option("--local-maps", arguments->local_maps,
                   "Build this many local maps from the measurements, in order of the poses, and "
                   "join those [every pose with its measurements is a local map]")
-      ->type_name("N")
-      ->check(CLI::Range(1, 1000000000));
+      .type_name("N")
+      .within(1, 1000000000);
   add_build_arguments(command, arguments->build, "--local-anchor");
   add_join_arguments(command, arguments->join);
-  add_examples(command, std::string(kModes) + "\n" + kSolveExamples);
-  command.callback([arguments] { solve(*arguments); });
+  command.examples(std::string(kModes) + "\n" + kSolveExamples);
+  command.run([arguments] { solve(*arguments); });
 }
 
 }  // namespace mapjoin::cli
