@@ -42,7 +42,12 @@ set(MAPJOIN_PRECOMPILED_HEADERS
     <type_traits>
     <unordered_map>
     <utility>
-    <vector>)
+    <vector>
+    # What nearly every source includes of mapjoin itself: a quarter of the time of compiling one.
+    <mapjoin/frames/anchors.h>
+    <mapjoin/frames/change_frame.h>
+    <mapjoin/graph/map.h>
+    <mapjoin/graph/measurement_graph.h>)
 
 function(mapjoin_target_defaults target)
   target_compile_features(${target} PRIVATE cxx_std_20)
