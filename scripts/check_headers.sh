@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Compiles every header of the library alone: each must include what it uses. (Precompiled headers
-# would hide what is missing in a normal build.)
+# Compiles every header of the library alone: each must include what it uses, without a warning.
+# (Precompiled headers hide both in a normal build.)
 #
 #   scripts/check_headers.sh <build directory>    the compiler is $CXX, default clang++
 set -euo pipefail
@@ -14,13 +14,16 @@ includes=$(sed -n 's/^ *INCLUDES = //p' "$build/build.ninja" | tr ' ' '\n' | sed
 
 check() {
   # As -include, so that #pragma once is not in the main file.
-  ${CXX:-clang++} -std=c++20 -fsyntax-only -DEIGEN_MAX_ALIGN_BYTES=16 $INCLUDES \
+  ${CXX:-clang++} -std=c++20 -fsyntax-only -DEIGEN_MAX_ALIGN_BYTES=16 $WARNINGS $INCLUDES \
     -include "mapjoin/$1" -x c++ /dev/null || {
     echo "does not compile alone: src/$1" >&2
     return 1
   }
 }
 export -f check
+# Those of cmake/MapjoinTarget.cmake.
+export WARNINGS="-Werror -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual
+  -Wold-style-cast"
 export INCLUDES="-I $build/include $includes"
 
 find src -name '*.h' -not -path 'src/cli/*' -printf '%P\0' | sort -z |
