@@ -316,38 +316,18 @@ void PairMaker<D>::set_density(CandidatePairs& pairs, double of_points) const {
 Eigen::MatrixXd CandidatePairs::covariance(int p, int q) const {
   const Pair& x = pairs[at(p)];
   const Pair& y = pairs[at(q)];
-  const double* const Jx = slopes.data() + x.slope;
-  const double* const Jy = slopes.data() + y.slope;
-  Eigen::MatrixXd of_a(x.dim, y.dim), out(x.dim, y.dim);
-  for (int c = 0; c < y.dim; ++c) {
-    for (int r = 0; r < x.dim; ++r) {
-      double sum = 0.0;
-      for (int k = 0; k < x.dim; ++k)
-        sum += Jx[k * x.dim + r] * covariance_a(x.row_a + k, y.row_a + c);
-      of_a(r, c) = sum;
-    }
-  }
-  for (int c = 0; c < y.dim; ++c) {
-    for (int r = 0; r < x.dim; ++r) {
-      double sum = 0.0;
-      for (int k = 0; k < y.dim; ++k) sum += of_a(r, k) * Jy[k * y.dim + c];
-      out(r, c) = sum + covariance_b(x.row_b + r, y.row_b + c);
-    }
-  }
-  return out;
+  const Eigen::Map<const Eigen::MatrixXd> Jx(slopes.data() + x.slope, x.dim, x.dim);
+  const Eigen::Map<const Eigen::MatrixXd> Jy(slopes.data() + y.slope, y.dim, y.dim);
+  return times(times(Jx, covariance_a.block(x.row_a, y.row_a, x.dim, y.dim)), Jy.transpose()) +
+         covariance_b.block(x.row_b, y.row_b, x.dim, y.dim);
 }
 
 Eigen::MatrixXd CandidatePairs::covariance_with(int q) const {
   const Pair& y = pairs[at(q)];
-  const double* const Jy = slopes.data() + y.slope;
-  Eigen::MatrixXd of_a = Eigen::MatrixXd::Zero(covariance_a.rows(), y.dim);
+  const Eigen::Map<const Eigen::MatrixXd> Jy(slopes.data() + y.slope, y.dim, y.dim);
+  const Eigen::MatrixXd of_a = times(covariance_a.middleCols(y.row_a, y.dim), Jy.transpose());
   Eigen::MatrixXd out(innovations.size(), y.dim);
   for (int c = 0; c < y.dim; ++c) {
-    for (int k = 0; k < y.dim; ++k) {
-      const double slope = Jy[k * y.dim + c];
-      for (Eigen::Index r = 0; r < of_a.rows(); ++r)
-        of_a(r, c) += covariance_a(r, y.row_a + k) * slope;
-    }
     for (const Pair& x : pairs) {
       const double* const Jx = slopes.data() + x.slope;
       for (int r = 0; r < x.dim; ++r) {

@@ -105,10 +105,10 @@ void InformationFilter<D>::add_information(std::span<const std::int32_t> variabl
     const Eigen::Index dim = state_.dim(i);
     const Eigen::MatrixXd S = state_.chart(i);
     if (!S.isIdentity(0.0)) {
-      const Eigen::MatrixXd turn = S.transpose();
-      H.middleRows(row, dim) = solve_regular(turn, H.middleRows(row, dim));
-      H.middleCols(row, dim) = solve_regular(turn, H.middleCols(row, dim).transpose()).transpose();
-      vector.segment(row, dim) = Eigen::VectorXd(solve_regular(turn, vector.segment(row, dim)));
+      const Eigen::MatrixXd back = inverse_of(S), turned = back.transpose();
+      H.middleRows(row, dim) = times(turned, H.middleRows(row, dim));
+      H.middleCols(row, dim) = times(H.middleCols(row, dim), back);
+      vector.segment(row, dim) = Eigen::VectorXd(times(turned, vector.segment(row, dim)));
     }
     x.segment(row, dim) = state_.increments().segment(state_.offset(i), dim);
     row += dim;
@@ -271,9 +271,9 @@ Eigen::MatrixXd InformationFilter<D>::covariance(std::span<const int> variables)
   Eigen::Index row = 0;
   for (const int i : variables) {  // from increments to the tangent
     const Eigen::Index dim = state_.dim(i);
-    const Eigen::MatrixXd turn = state_.chart(i);
-    P.middleRows(row, dim) = solve_regular(turn, P.middleRows(row, dim));
-    P.middleCols(row, dim) = solve_regular(turn, P.middleCols(row, dim).transpose()).transpose();
+    const Eigen::MatrixXd turn = inverse_of(state_.chart(i));
+    P.middleRows(row, dim) = times(turn, P.middleRows(row, dim));
+    P.middleCols(row, dim) = times(P.middleCols(row, dim), turn.transpose());
     row += dim;
   }
   return P;

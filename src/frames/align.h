@@ -52,12 +52,9 @@ std::optional<Rigid<D>> align(const Values<D>& a, const Values<D>& b);
 /// Things seen in two maps, a and b, pair by pair: `Rows` doubles each.
 template <int Rows>
 struct Pairs {
-  using Columns = Eigen::Matrix<double, Rows, Eigen::Dynamic>;
   std::vector<double> a, b;
 
   Eigen::Index size() const { return static_cast<Eigen::Index>(a.size()) / Rows; }
-  Eigen::Map<const Columns> in_a() const { return {a.data(), Rows, size()}; }
-  Eigen::Map<const Columns> in_b() const { return {b.data(), Rows, size()}; }
   void add(const double* x, const double* y) {
     a.insert(a.end(), x, x + Rows);
     b.insert(b.end(), y, y + Rows);

@@ -1,9 +1,9 @@
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <cmath>
 #include <cstring>
 
+#include "mapjoin/graph/dense.h"
 #include "mapjoin/graph/error.h"
 #include "mapjoin/io/local_map_raw.h"
 #include "mapjoin/io/read_file.h"
@@ -12,6 +12,7 @@
 #include <matio.h>
 
 #include <memory>
+#include <optional>
 #endif
 
 namespace mapjoin::detail {
@@ -164,10 +165,9 @@ std::vector<int> parts_of(const RawMap& map) {
 /// P^-1, of a covariance matrix that the policy has made positive definite if it was not.
 Eigen::MatrixXd inverse(Eigen::MatrixXd P, const RawMap& map, InformationPolicy policy,
                         std::int64_t& repaired) {
-  const Eigen::Index n = P.rows();
-  P = 0.5 * (P + P.transpose()).eval();
-  Eigen::LLT<Eigen::MatrixXd> factor(P);
-  if (factor.info() != Eigen::Success) {
+  P = symmetric_part(P);
+  std::optional<Eigen::MatrixXd> out = inverse_of_definite(P);
+  if (!out) {
     if (policy == InformationPolicy::kRefuse) {
       throw InputError(fmt::format(
           "{}: the covariance matrix localmap_P is not positive definite (smallest eigenvalue "
@@ -180,12 +180,11 @@ Eigen::MatrixXd inverse(Eigen::MatrixXd P, const RawMap& map, InformationPolicy 
       make_information_isotropic(P, parts_of(map));
     }
     ++repaired;
-    factor.compute(P);
-    if (factor.info() != Eigen::Success)
+    out = inverse_of_definite(P);
+    if (!out)
       throw InputError(fmt::format("{}: localmap_P cannot be made positive definite", map.file));
   }
-  const Eigen::MatrixXd out = factor.solve(Eigen::MatrixXd::Identity(n, n));
-  return 0.5 * (out + out.transpose());
+  return symmetric_part(*out);
 }
 
 }  // namespace

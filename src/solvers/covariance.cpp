@@ -302,8 +302,7 @@ template <int D>
 Eigen::MatrixXd Covariance<D>::of(std::span<const Key> keys) const {
   std::vector<int> numbers;
   for (const Key& key : keys) numbers.push_back(state_->variables.require(key, "covariance"));
-  const Eigen::MatrixXd half = between(numbers, numbers);
-  return symmetric_part(half);
+  return symmetric_part(between(numbers, numbers));
 }
 
 template <int D>

@@ -54,8 +54,7 @@ Relative relative(const Map<D>& map, const Covariance<D>& covariance, const Key&
   kind.transform(into, out.value.data(), 1);
   kind.gauge(out.value.data(), 1, g.data());
   J << -g, block;
-  const Eigen::MatrixXd half = carried(J, joint(covariance, from, to));
-  out.covariance = symmetric_part(half);
+  out.covariance = symmetric_part(carried(J, joint(covariance, from, to)));
   return out;
 }
 

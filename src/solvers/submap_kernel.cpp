@@ -17,12 +17,16 @@ using Eigen::Dynamic;
 // Small matrices by columns, as plain loops: as expressions the sizes below cost the compiler a
 // minute. M, K, N are the sizes where it may know them, Dynamic elsewhere.
 
+/// A size as the compiler knows it, or else as it is.
+template <int Known>
+constexpr int size_of(int size) {
+  return Known != Dynamic ? Known : size;
+}
+
 /// C += A B, m x k times k x n.
 template <int M, int K, int N>
 void add_product(const double* A, const double* B, double* C, int m, int k, int n) {
-  if constexpr (M != Dynamic) m = M;
-  if constexpr (K != Dynamic) k = K;
-  if constexpr (N != Dynamic) n = N;
+  m = size_of<M>(m), k = size_of<K>(k), n = size_of<N>(n);
   for (int j = 0; j < n; ++j) {
     if constexpr (M != Dynamic) {
       double column[M] = {};
@@ -43,9 +47,7 @@ void add_product(const double* A, const double* B, double* C, int m, int k, int 
 /// C += A^T B, A m x k and B m x n.
 template <int M, int K, int N>
 void add_transposed_product(const double* A, const double* B, double* C, int m, int k, int n) {
-  if constexpr (M != Dynamic) m = M;
-  if constexpr (K != Dynamic) k = K;
-  if constexpr (N != Dynamic) n = N;
+  m = size_of<M>(m), k = size_of<K>(k), n = size_of<N>(n);
   for (int j = 0; j < n; ++j) {
     for (int i = 0; i < k; ++i) {
       double sum = 0.0;
@@ -70,8 +72,7 @@ auto zeros(int size) {
 template <int R, int C>
 void add_block(const DenseTarget& target, std::int64_t row, std::int64_t column, const double* B,
                int rows, int columns, bool whole) {
-  if constexpr (R != Dynamic) rows = R;
-  if constexpr (C != Dynamic) columns = C;
+  rows = size_of<R>(rows), columns = size_of<C>(columns);
   if (row < column) {
     for (int i = 0; i < rows; ++i) {
       double* const to = target.column(row + i) + column;
@@ -102,8 +103,7 @@ template <int G, int R, int C>
 double add_information(const double* block, int rows, int columns, bool diagonal, const Term& s,
                        const Term& t, const DenseTarget* target, std::int64_t row,
                        std::int64_t column) {
-  if constexpr (R != Dynamic) rows = R;
-  if constexpr (C != Dynamic) columns = C;
+  rows = size_of<R>(rows), columns = size_of<C>(columns);
   auto Ir = zeros<R>(rows);
   add_product<R, C, 1>(block, t.r, Ir.data(), rows, columns, 1);
   double sum = 0.0;
