@@ -100,11 +100,18 @@ void write(const std::string& path, const std::string& text) {
   if (!file) throw FileError(fmt::format("cannot write {}", path));
 }
 
-void say_round(int round, const Arguments& a) {
-  fmt::print(stderr, "round {} of {}\n", round, a.options.repeat);
+/// Rounds of all races take turns.
+template <class AnyRace>
+void run_rounds(std::deque<AnyRace>& races, const Arguments& a) {
+  for (int round = 1; round <= a.options.repeat && !races.empty(); ++round) {
+    for (AnyRace& race : races) race.run_round();
+    for (int k = 0; k < a.options.between; ++k) {
+      for (AnyRace& race : races) race.run_between();
+    }
+    fmt::print(stderr, "round {} of {}\n", round, a.options.repeat);
+  }
 }
 
-/// Rounds of all data sets take turns.
 std::vector<Comparison> compare(const Arguments& a) {
   std::deque<ComparisonRace> races;
   const auto enter = [&](AnyProblem problem) {
@@ -114,13 +121,7 @@ std::vector<Comparison> compare(const Arguments& a) {
   };
   for (const std::string& path : a.inputs) enter(read_problem(path));
   for (const std::string& world : a.worlds) enter(simulate_problem(world, a.seed));
-  for (int round = 1; round <= a.options.repeat && !races.empty(); ++round) {
-    for (ComparisonRace& race : races) race.run_round();
-    for (int k = 0; k < a.options.between; ++k) {
-      for (ComparisonRace& race : races) race.run_between();
-    }
-    say_round(round, a);
-  }
+  run_rounds(races, a);
   std::vector<Comparison> out;
   for (ComparisonRace& race : races) {
     out.push_back(std::move(race).finish());
@@ -134,13 +135,7 @@ std::vector<Comparison> compare(const Arguments& a) {
 std::vector<Growth> measure_growths(const Arguments& a) {
   std::deque<GrowthRace> races;
   for (const std::string& world : a.growths) races.emplace_back(world, a.seed, a.options);
-  for (int round = 1; round <= a.options.repeat && !races.empty(); ++round) {
-    for (GrowthRace& race : races) race.run_round();
-    for (int k = 0; k < a.options.between; ++k) {
-      for (GrowthRace& race : races) race.run_between();
-    }
-    say_round(round, a);
-  }
+  run_rounds(races, a);
   std::vector<Growth> out;
   for (GrowthRace& race : races) out.push_back(std::move(race).finish());
   return out;

@@ -34,8 +34,8 @@ std::string markdown(std::span<const Growth> growths, const ComparisonOptions& o
   std::string out = fmt::format(
       "## Growth\n\nSeconds to the optimum, medians of {} rounds, of {} where one takes less than "
       "two seconds;\nsizes and numbers of threads take turns, in one process that keeps its "
-      "memory, "
-      "small sizes as often\nas fits into a second. Powers are medians of what the rounds of both "
+      "memory, small sizes as often\nas fits into a second. Powers are medians of what the rounds "
+      "of both "
       "say, so that a slow minute\nslows down all sizes. Memory: the first run's peak beyond what "
       "was in use.\n\n",
       options.repeat, options.repeat * (1 + options.between));
