@@ -11,6 +11,9 @@ build=${1:?usage: scripts/check_headers.sh <build directory>}
 # The include paths of the library, as the build itself uses them.
 includes=$(sed -n 's/^ *INCLUDES = //p' "$build/build.ninja" | tr ' ' '\n' | sed 's/^-isystem$//' |
   grep '^[-/]' | sed 's/^-I//' | sort -u | sed 's/^/-isystem /')
+# And its warnings, without what only GCC has to leave out.
+warnings=$(sed -n 's/^ *FLAGS = //p' "$build/build.ninja" | tr ' ' '\n' | grep '^-W' |
+  grep -v '^-Wno-' | sort -u)
 
 check() {
   # As -include, so that #pragma once is not in the main file.
@@ -21,9 +24,7 @@ check() {
   }
 }
 export -f check
-# Those of cmake/MapjoinTarget.cmake.
-export WARNINGS="-Werror -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual
-  -Wold-style-cast"
+export WARNINGS="-Werror $warnings"
 export INCLUDES="-I $build/include $includes"
 
 find src -name '*.h' -not -path 'src/cli/*' -printf '%P\0' | sort -z |
